@@ -18,9 +18,7 @@ use tokio_util::sync::CancellationToken;
 use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{Docked, PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
-pub use self::roster::{
-    BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Roster, RosterError,
-};
+pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
 pub use self::running_pilot::{
     ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
 };
@@ -80,7 +78,6 @@ pub struct Plan {
     pub bus: Bus,
 }
 
-/// The outcome of a run.
 #[derive(Debug)]
 pub struct Outcome {
     /// Each behaviour's name and last ending, in the order in which they ended.

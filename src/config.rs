@@ -30,7 +30,6 @@ pub use self::mqtt::{Mqtt, MqttError, Tls};
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 
-/// The default data folder.
 const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
@@ -164,7 +163,6 @@ pub enum ConfigError {
     /// The file cannot be read.
     #[error("cannot read the config {path}: {source}")]
     Read {
-        /// Its path.
         path: String,
         /// The system's error.
         source: std::io::Error,
@@ -181,9 +179,6 @@ pub enum ConfigError {
 
 impl Config {
     /// Reads a file. Paths in it are relative to its folder.
-    ///
-    /// # Errors
-    /// See [`ConfigError`].
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
         Config::parse_file(&Config::read(path)?, path)
     }
@@ -464,7 +459,6 @@ mod tests {
             "camera:\n  hfov: 0\n",
             "camera:\n  distortion: [-3, 0]\n",
             "limits:\n  memory_bytes: 0\n",
-            "limits:\n  frame_bytes: -1\n",
             "limits:\n  callback_budget_ms: 0.5\n",
             "limits:\n  noise_dbfs: .nan\n",
             "schedule:\n- { run: patrol, at: \"0 25 * * *\" }\n",

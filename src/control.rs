@@ -15,10 +15,10 @@ mod request;
 mod server;
 mod web;
 
-pub use client::{AskError, Client, runs};
+pub use client::{AskError, Client, StopAnswer, StoppedRun, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
 pub use folder::guardian_socket;
-pub use report::{Level, Report, RunningBehaviourReport, Start};
+pub use report::{Level, Report, RunningBehaviourReport, Start, StopReport};
 pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
 pub use server::{ControlServer, Run};
 pub use web::{Remote, TokenError};

@@ -289,6 +289,14 @@ impl Folder {
         if durably { Ok(fsync(&self.0)?) } else { Ok(()) }
     }
 
+    /// Waits until the disk has the names in it.
+    ///
+    /// # Errors
+    /// Any error of the system.
+    pub fn sync(&self) -> io::Result<()> {
+        Ok(fsync(&self.0)?)
+    }
+
     /// Renames a file, replacing a file of the new name.
     ///
     /// # Errors

@@ -7,6 +7,7 @@
 //! Requests that fail are rejected here.
 
 mod access;
+mod connections;
 mod keyring;
 mod login;
 mod middleware;
@@ -28,10 +29,11 @@ use hyper_util::service::TowerToHyperService;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 use tokio::net::TcpListener;
-use tokio::sync::Semaphore;
 use tokio::time::sleep;
 use tokio_io_timeout::TimeoutStream;
 use tracing::debug;
+
+use connections::{Connections, Place};
 
 pub use access::{Access, AccessError};
 pub use keyring::{Key, Keyring, KeyringError, Role};
@@ -94,21 +96,15 @@ const HEAD: Duration = Duration::from_secs(5);
 const MAX_HEAD: usize = 64 * 1024;
 /// How long the client may read nothing of a response.
 const STALL: Duration = Duration::from_secs(15);
-/// Maximum number of connections besides those of viewers, whose number is limited elsewhere.
-const MAX_CONNECTIONS: usize = 64;
 /// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Serves the router on this socket; never returns. A connection carries one request, so that the
 /// timeout for its head counts from the start; the middleware enforces the one for the body.
 pub async fn serve(listener: TcpListener, router: Router) {
-    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let connections = Arc::new(Connections::default());
     let router = Arc::new(TowerToHyperService::new(router));
     loop {
-        // Further connections wait in the system's queue. The semaphore is never closed.
-        let Ok(permit) = room.clone().acquire_owned().await else {
-            return;
-        };
         let (stream, address) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
@@ -122,8 +118,11 @@ pub async fn serve(listener: TcpListener, router: Router) {
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(STALL));
         let router = router.clone();
+        let place = Arc::new(Place::new(&connections, address.ip()));
+        let request_place = place.clone();
         let service = service_fn(move |mut request: Request<Incoming>| {
             request.extensions_mut().insert(ConnectInfo(address));
+            request.extensions_mut().insert(request_place.clone());
             router.call(request)
         });
         let connection = http1::Builder::new()
@@ -133,10 +132,12 @@ pub async fn serve(listener: TcpListener, router: Router) {
             .serve_connection(TokioIo::new(Box::pin(stream)), service)
             .with_upgrades();
         tokio::spawn(async move {
-            if let Err(error) = connection.await {
-                debug!("a connection of {address} has failed: {error}");
+            tokio::select! {
+                ended = connection => if let Err(error) = ended {
+                    debug!("a connection of {address} has failed: {error}");
+                },
+                () = place.closed() => debug!("a connection of {address} is closed: too many"),
             }
-            drop(permit);
         });
     }
 }

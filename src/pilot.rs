@@ -493,9 +493,11 @@ impl Pilot {
             ConnectionEvent::Accepted(socket) => self.watch_login(socket)?,
             ConnectionEvent::Ended(delivery) => {
                 debug!("at the end of a link: {delivery}");
-                if !delivery.is_owed() {
+                if delivery == Delivery::Executed {
                     self.debt.forgive();
                     self.tell_guardian_of_debt();
+                }
+                if !delivery.is_owed() {
                     self.release_guardian();
                 }
             }

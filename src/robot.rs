@@ -22,7 +22,7 @@ pub use intent::{DockPlan, Intent};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 use serde::{Deserialize, Serialize};
-pub use stop_confirmation::StopConfirmation;
+pub use stop_confirmation::{STOP_HOLDS, StopConfirmation, StopKept, StopOutcome};
 
 use crate::wire::{Command, Power};
 

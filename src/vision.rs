@@ -10,6 +10,8 @@
 //! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours
 //! are looked up without a conversion to RGB.
 
+#![warn(missing_docs)]
+
 mod annotate;
 mod blobs;
 mod camera;

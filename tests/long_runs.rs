@@ -1,10 +1,11 @@
-//! What the long runs in virtual time share: `soak`, `month` and `rescue` play an agent on a simulated
-//! robot, `explore` the watchdog alone. `tests/it` plays a short one of each, `scripts/nightly` the rest.
+//! What the long runs share: `soak`, `month`, `rescue` and `stops` play an agent on a simulated robot,
+//! `explore` the watchdog alone; all in virtual time, except `stops::breaks`. `tests/it` plays a short one of each, `scripts/nightly` the rest.
 
 pub mod explore;
 pub mod month;
 pub mod rescue;
 pub mod soak;
+pub mod stops;
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -10,8 +10,7 @@ use tracing::{error, info, warn};
 
 use super::restart_loop::{LaunchContext, RestartLoop, report};
 use super::roster::{
-    BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Reply, Roster,
-    RosterCommand, RosterError,
+    BehaviourSpec, BehaviourState, BehaviourStatus, Reply, Roster, RosterCommand, RosterError,
 };
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
@@ -385,9 +384,8 @@ pub(super) async fn load(
     mut status: watch::Receiver<Status>,
 ) -> Result<(RestartLoop, Prepared), RosterError> {
     let made = spawn_blocking(move || spec.make()).await;
-    let behaviour = made
-        .unwrap_or(Err(BehaviourSpecError::Internal))
-        .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
+    let broken = "internal error: the behaviour could not be created".to_owned();
+    let behaviour = made.unwrap_or(Err(RosterError::CannotLoad(broken)))?;
     let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|exit| RosterError::CannotLoad(describe(&exit)))?;

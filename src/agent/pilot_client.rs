@@ -18,7 +18,6 @@ use crate::wire::Stream;
 const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(50);
 /// Half a second of speech: s16, mono, 16 kHz.
 const SPEECH: usize = 16_000;
-/// The duration of that speech.
 const SPEECH_TIME: Duration = Duration::from_millis(500);
 
 /// A person's client of the pilot. Dropping it ends everything it has requested.
@@ -41,7 +40,6 @@ pub enum PilotClientError {
     Ended(EndReason),
 }
 
-/// The outcome of a docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Docked {
     /// How it ended.

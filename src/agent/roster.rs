@@ -3,7 +3,6 @@
 //! person's tool, a timetable, a page); the [`BehaviourSet`](super::behaviour_set) does it.
 
 use std::fmt;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -22,28 +21,12 @@ const MAX_COMMANDS: usize = 32;
 /// How long a person waits: for a script's last words and the loading of the next one.
 const ANSWER: Duration = Duration::from_secs(10);
 
-/// Why a behaviour cannot be created from its file.
-#[derive(Debug, thiserror::Error)]
-pub enum BehaviourSpecError {
-    /// The file cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// An internal error.
-    #[error("internal error: the behaviour could not be created")]
-    Internal,
-}
-
 /// Creates the behaviour of this name each time it starts: its file is read again then.
 #[derive(Clone)]
 pub struct BehaviourSpec {
     name: String,
     priority: Priority,
-    make: Arc<dyn Fn() -> Result<Behaviour, BehaviourSpecError> + Send + Sync>,
+    make: Arc<dyn Fn() -> Result<Behaviour, RosterError> + Send + Sync>,
 }
 
 impl BehaviourSpec {
@@ -51,7 +34,7 @@ impl BehaviourSpec {
     pub fn new(
         name: impl Into<String>,
         priority: Priority,
-        make: impl Fn() -> Result<Behaviour, BehaviourSpecError> + Send + Sync + 'static,
+        make: impl Fn() -> Result<Behaviour, RosterError> + Send + Sync + 'static,
     ) -> BehaviourSpec {
         BehaviourSpec {
             name: name.into(),
@@ -93,7 +76,7 @@ impl BehaviourSpec {
         self.priority
     }
 
-    pub(super) fn make(&self) -> Result<Behaviour, BehaviourSpecError> {
+    pub(super) fn make(&self) -> Result<Behaviour, RosterError> {
         (self.make)()
     }
 }
@@ -107,17 +90,14 @@ impl fmt::Debug for BehaviourSpec {
 /// A known behaviour and its state.
 #[derive(Debug, Clone)]
 pub struct BehaviourStatus {
-    /// Its name.
     pub name: String,
     /// Decides which behaviour drives when several want to.
     pub priority: Priority,
-    /// Its state.
     pub state: BehaviourState,
     /// How it last ended in this agent, if it ever did.
     pub exit: Option<ScriptExit>,
 }
 
-/// The state of a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BehaviourState {
     /// It does not run.
@@ -141,7 +121,6 @@ pub enum RosterError {
     /// No behaviour has this name.
     #[error("no behaviour is called `{name}`{near}")]
     Unknown {
-        /// The name.
         name: String,
         /// A suggestion, such as `; did you mean ...?`.
         near: String,

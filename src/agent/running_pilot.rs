@@ -82,7 +82,6 @@ impl PilotSetup {
         self.requests.0.clone()
     }
 
-    /// The frames of the camera.
     pub fn frames(&self) -> watch::Receiver<Pictures> {
         self.frames.clone()
     }

@@ -58,7 +58,6 @@ pub(super) const EVENT: &Choice = &Choice {
 };
 
 impl EventName {
-    /// The event of this name.
     pub fn from_name(name: &str) -> Option<EventName> {
         let mut all = EventName::ALL.iter().copied();
         all.find(|event| event.name() == name)

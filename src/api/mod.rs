@@ -143,7 +143,6 @@ pub fn function(path: &str) -> Option<&'static Function> {
     all.find(|function| function.path == path)
 }
 
-/// The namespace of this name.
 pub fn namespace(name: &str) -> Option<&'static Namespace> {
     namespaces().find(|namespace| namespace.name == name)
 }
@@ -153,12 +152,10 @@ pub fn module(name: &str) -> Option<&'static Namespace> {
     modules().find(|module| module.name == name)
 }
 
-/// The object of this name.
 pub fn object(name: &str) -> Option<&'static Object> {
     objects().find(|object| object.name == name)
 }
 
-/// The event of this name.
 pub fn event(name: &str) -> Option<&'static Event> {
     events().find(|event| event.name == name)
 }

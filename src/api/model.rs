@@ -24,9 +24,7 @@ pub struct Function {
 /// A parameter, an option, a result or a field.
 #[derive(Debug, Clone, Copy)]
 pub struct Value {
-    /// Its name.
     pub name: &'static str,
-    /// Its type.
     pub kind: Type,
     /// Its unit; empty without one.
     pub unit: &'static str,
@@ -52,13 +50,11 @@ pub enum Requirement {
 pub enum Literal {
     /// `true` or `false`.
     Boolean(bool),
-    /// A number.
     Number(f64),
     /// `{low, high}`.
     Range(f64, f64),
 }
 
-/// The type of a value.
 #[derive(Debug, Clone, Copy)]
 pub enum Type {
     /// Anything.
@@ -67,17 +63,14 @@ pub enum Type {
     Boolean,
     /// A number, within bounds if there are any.
     Number(Option<Bounds>),
-    /// A whole number.
     Whole(Option<Bounds>),
     /// Text, with its largest length in bytes if there is a limit.
     Text(Option<usize>),
     /// A function, with its type in Luau's notation.
     Function(&'static str),
-    /// A buffer.
     Buffer,
     /// One of a set of names.
     Choice(&'static Choice),
-    /// A colour or a list of colours.
     Colours,
     /// A part of a frame.
     Roi,
@@ -87,7 +80,6 @@ pub enum Type {
     Fields,
     /// An object or a table of this kind.
     Object(&'static Object),
-    /// A list of these.
     List(&'static Type),
     /// One or a list of these.
     OneOrMore(&'static Type),
@@ -101,14 +93,11 @@ pub enum Type {
     Options(&'static [Value]),
 }
 
-/// A set of names.
 #[derive(Debug)]
 pub struct Choice {
-    /// The name of its type.
     pub name: &'static str,
     /// The word for one of them in messages.
     pub what: &'static str,
-    /// Returns all names.
     pub names: fn() -> Vec<&'static str>,
 }
 
@@ -117,7 +106,6 @@ pub struct Choice {
 pub struct Constant {
     /// The name as scripts write it.
     pub path: &'static str,
-    /// Its type.
     pub kind: Type,
     /// A short description in whole sentences.
     pub doc: &'static str,
@@ -128,11 +116,9 @@ pub struct Constant {
 /// A kind of table or object.
 #[derive(Debug, Clone, Copy)]
 pub struct Object {
-    /// Its name.
     pub name: &'static str,
     /// A short description in whole sentences.
     pub doc: &'static str,
-    /// Its data.
     pub fields: &'static [Value],
     /// Its methods, which are called with a colon.
     pub methods: &'static [Function],
@@ -141,10 +127,8 @@ pub struct Object {
     pub strict: bool,
 }
 
-/// An event.
 #[derive(Debug, Clone, Copy)]
 pub struct Event {
-    /// Its name.
     pub name: &'static str,
     /// The table that handlers get; `None` if it is an empty table.
     pub payload: Option<&'static Object>,
@@ -161,7 +145,6 @@ pub struct Namespace {
     pub about: &'static str,
     /// The scripts that can use it.
     pub availability: Availability,
-    /// Its functions.
     pub functions: &'static [Function],
     /// Its fields that are not functions.
     pub constants: &'static [Constant],
@@ -172,7 +155,6 @@ pub struct Namespace {
 /// The scripts that can use a namespace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Availability {
-    /// All scripts.
     Everywhere,
     /// Only behaviours.
     Behaviour,
@@ -236,14 +218,12 @@ impl Object {
             .collect()
     }
 
-    /// The method of this name.
     pub fn method(&self, key: &str) -> Option<&'static Function> {
         self.methods.iter().find(|method| method.key() == key)
     }
 }
 
 impl Namespace {
-    /// The function of this name.
     pub fn function(&self, key: &str) -> Option<&'static Function> {
         self.functions.iter().find(|function| function.key() == key)
     }
@@ -272,7 +252,6 @@ impl Value {
 }
 
 impl Type {
-    /// Whether this is a function.
     pub fn is_function(&self) -> bool {
         matches!(self, Type::Function(_) | Type::Handler)
     }

@@ -21,7 +21,6 @@ const fn whole_between(name: &'static str, low: f64, high: f64, doc: &'static st
     value(name, Type::Whole(Some(Bounds::Between(low, high))), doc)
 }
 
-/// The options of a scenario.
 const SETTING: Value = options(&[
     short_text(
         "world",

@@ -110,7 +110,7 @@ impl Ring {
     fn new(folder: PathBuf, limits: &Limits) -> Ring {
         Ring {
             folder,
-            day: Budget::new(limits.picture_bytes_a_day),
+            day: Budget::new(limits.bytes_a_day),
             free: limits.free_bytes,
             decoder: Decoder::default(),
             next: None,

@@ -36,7 +36,6 @@ pub enum ToHost {
     Load(Box<Launch>),
     /// Run the loaded script.
     Run,
-    /// An event for the script.
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
     Frame(Frame),
@@ -44,7 +43,6 @@ pub enum ToHost {
     PartialFrame {
         /// Offset of this part in the frame, in bytes.
         at: usize,
-        /// A part of the JPEG.
         jpeg: Bytes,
     },
     /// Run a text that a user typed; answered by [`Output::Evaluated`].
@@ -56,9 +54,7 @@ pub enum ToHost {
     },
     /// A user changes the value of a parameter.
     SetParam {
-        /// The name of the parameter.
         name: String,
-        /// Its new value.
         value: ParamValue,
     },
     /// Stop the tracks, tasks and handlers that typed lines have started.

@@ -150,7 +150,6 @@ pub enum RestartDecision {
     Over,
     /// Start it again after a pause.
     Again {
-        /// The pause.
         pause: Duration,
         /// Which restart within the window this is, from 1.
         number: u32,

@@ -268,7 +268,7 @@ impl Prepared {
             )
         };
         validate_name(&name).map_err(|error| exit(EndReason::Error, &error.to_string()))?;
-        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
+        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day());
         let folder = launch.options.data_dir.clone();
         let report_limiter = ReportLimiter::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);

@@ -11,7 +11,6 @@ const MAX_COMMANDS: usize = 16;
 /// Capacity of the queue to the user; its last slot is reserved for answers.
 const MAX_MESSAGES: usize = 512;
 
-/// A command from the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PromptCommand {
     /// Run this text; answered by [`PromptMessage::Evaluated`].
@@ -34,12 +33,10 @@ impl From<PromptCommand> for ToHost {
     }
 }
 
-/// A message from the behaviour.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PromptMessage {
     /// The behaviour accepts commands from now on.
     Ready,
-    /// A log line of the behaviour.
     Line(LogLine),
     /// The outcome of the last [`PromptCommand::Evaluate`].
     Evaluated(Evaluated),

@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use crate::rate_limit::{Budget, Repeats};
 use crate::robot::{AgentEvent, HostReport};
 use crate::sanitize;
-use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
+use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE, NOTICES_A_DAY};
 
 /// Minimum interval between two warnings about dropped reports.
 const REPORT_INTERVAL: Duration = Duration::from_secs(60);
@@ -45,8 +45,8 @@ impl ReportLimiter {
         ReportLimiter {
             behaviour,
             folder,
-            bytes: Budget::new(limits.journal_bytes_a_day),
-            notices: Budget::new(limits.notices_a_day),
+            bytes: Budget::new(limits.journal_bytes_a_day()),
+            notices: Budget::new(NOTICES_A_DAY),
             reports: Repeats::new(REPORT_INTERVAL),
         }
     }
@@ -113,8 +113,7 @@ mod tests {
 
     fn limiter() -> ReportLimiter {
         let limits = Limits {
-            journal_bytes_a_day: 24 * 1000,
-            notices_a_day: 48,
+            bytes_a_day: 64 * 24 * 1000,
             ..Limits::default()
         };
         ReportLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
@@ -186,7 +185,7 @@ mod tests {
         let passed = admissions
             .iter()
             .filter(|admission| matches!(admission, Admission::Passed(_)));
-        assert_eq!(passed.count(), 2);
+        assert_eq!(passed.count() as u64, NOTICES_A_DAY / 24);
         let reported = admissions
             .iter()
             .filter(|admission| matches!(admission, Admission::Dropped(_)));

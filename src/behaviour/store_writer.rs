@@ -76,7 +76,7 @@ impl StoreWriter {
             sent: 0,
             last_error: None,
             write_at_end: false,
-            day: Budget::new(limits.store_bytes_a_day),
+            day: Budget::new(limits.bytes_a_day),
             free: limits.free_bytes,
             slow: None,
         }
@@ -368,7 +368,7 @@ mod tests {
     fn a_store_over_its_daily_budget_is_written_once_a_minute() {
         let root = tempfile::tempdir().unwrap();
         let limits = Limits {
-            store_bytes_a_day: 48,
+            bytes_a_day: 48,
             ..Limits::default()
         };
         let mut writer = StoreWriter::new(root.path().to_owned(), &limits);

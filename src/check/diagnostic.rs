@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 
 use super::lexer::Span;
 
-/// The severity of a diagnostic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -26,14 +25,19 @@ pub struct Diagnostic {
     pub column: u32,
     /// Number of characters of the line that are marked; at least 1.
     pub width: u32,
-    /// The severity.
     pub severity: Severity,
     /// What is wrong, in one sentence without a full stop.
     pub message: String,
     /// What to do, if that is not clear from the message.
     pub help: Option<String>,
-    /// The source line.
     pub source: String,
+}
+
+/// A source with the name of its file in messages.
+#[derive(Clone, Copy)]
+pub(crate) struct SourceText<'a> {
+    pub(crate) file: &'a str,
+    pub(crate) text: &'a str,
 }
 
 /// Maximum length of the source line shown, in characters.
@@ -41,17 +45,17 @@ const LONGEST_LINE: usize = 160;
 
 impl Diagnostic {
     pub(crate) fn new(
-        (file, source): (&str, &str),
+        SourceText { file, text }: SourceText<'_>,
         span: Span,
         severity: Severity,
         message: impl Into<String>,
     ) -> Diagnostic {
-        let start = span.start.min(source.len());
-        let before = source.get(..start).unwrap_or_default();
+        let start = span.start.min(text.len());
+        let before = text.get(..start).unwrap_or_default();
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-        let line = source[line_start..].lines().next().unwrap_or_default();
+        let line = text[line_start..].lines().next().unwrap_or_default();
         let column = before[line_start..].chars().count();
-        let wide = source.get(span.start..span.end).unwrap_or_default();
+        let wide = text.get(span.start..span.end).unwrap_or_default();
         let wide = wide.lines().next().unwrap_or_default().chars().count();
         let number = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         Diagnostic {

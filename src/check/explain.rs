@@ -5,7 +5,7 @@ mod failures;
 
 use std::collections::BTreeMap;
 
-use super::diagnostic::{Diagnostic, Severity};
+use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
 use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr};
@@ -62,7 +62,11 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> 
     } else {
         whole
     };
-    let diagnostic = Diagnostic::new((chunk, source), at, Severity::Error, explanation.message);
+    let text = SourceText {
+        file: chunk,
+        text: source,
+    };
+    let diagnostic = Diagnostic::new(text, at, Severity::Error, explanation.message);
     Some(diagnostic.help(explanation.help))
 }
 
@@ -82,67 +86,71 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 
 /// Explains an error without a syntax tree.
 fn general(words: &str, at: Span) -> Option<Explanation> {
-    let explanation = |message: &str, help: &str| {
-        Some(Explanation {
-            at,
-            message: message.to_owned(),
-            help: help.to_owned(),
-        })
-    };
-    if words.contains("stack overflow") {
-        return explanation(
-            "a function calls itself endlessly",
-            "let it end at some point, or use a loop: while true do ... task.wait(0.1) end",
-        );
-    }
-    if words.contains("attempt to call a") || words.contains("attempt to call missing") {
-        return explanation(
-            "the value called here is not a function",
-            "check the spelling of its name",
-        );
-    }
     if words.contains("attempt to yield across") {
-        return explanation(
-            words,
-            "a function for table.sort or gsub, or a metamethod, cannot wait",
-        );
+        return Some(Explanation {
+            at,
+            message: words.to_owned(),
+            help: "a function for table.sort or gsub, or a metamethod, cannot wait".to_owned(),
+        });
     }
-    if words.contains("readonly table") {
-        return explanation(
-            "this table is read-only and cannot be changed",
-            "keep your own values in a local variable",
-        );
-    }
-    let similar = [
-        (
-            "attempt to index",
-            "a field is read from a value that has no fields, perhaps nil",
-        ),
-        (
-            "attempt to perform arithmetic",
-            "one of the two values is not a number, perhaps nil",
-        ),
-        (
-            "attempt to compare",
-            "only numbers can be compared with numbers; one of the two values is something else, perhaps nil",
-        ),
-        (
-            "attempt to concatenate",
-            "one of the two values is not a string, perhaps nil",
-        ),
-        (
-            "attempt to get length",
-            "only lists and strings have a length",
-        ),
-        (
-            "attempt to iterate",
-            "the value after `in` is not a list, perhaps nil",
-        ),
-        ("invalid 'for'", "a `for` counts with numbers only"),
-    ];
-    let found = similar.iter().find(|(part, _)| words.contains(part));
-    found.and_then(|(_, message)| explanation(message, "print the values to see which one it is"))
+    let found = GENERAL.iter().find(|(part, ..)| words.contains(part));
+    found.map(|(_, message, help)| Explanation {
+        at,
+        message: (*message).to_owned(),
+        help: (*help).to_owned(),
+    })
 }
+
+const NO_FUNCTION: &str = "the value called here is not a function";
+const SPELLING: &str = "check the spelling of its name";
+const PRINT: &str = "print the values to see which one it is";
+
+/// A part of the VM's message, what it means, and what to do.
+const GENERAL: [(&str, &str, &str); 11] = [
+    (
+        "stack overflow",
+        "a function calls itself endlessly",
+        "let it end at some point, or use a loop: while true do ... task.wait(0.1) end",
+    ),
+    ("attempt to call a", NO_FUNCTION, SPELLING),
+    ("attempt to call missing", NO_FUNCTION, SPELLING),
+    (
+        "readonly table",
+        "this table is read-only and cannot be changed",
+        "keep your own values in a local variable",
+    ),
+    (
+        "attempt to index",
+        "a field is read from a value that has no fields, perhaps nil",
+        PRINT,
+    ),
+    (
+        "attempt to perform arithmetic",
+        "one of the two values is not a number, perhaps nil",
+        PRINT,
+    ),
+    (
+        "attempt to compare",
+        "only numbers can be compared with numbers; one of the two values is something else, perhaps nil",
+        PRINT,
+    ),
+    (
+        "attempt to concatenate",
+        "one of the two values is not a string, perhaps nil",
+        PRINT,
+    ),
+    (
+        "attempt to get length",
+        "only lists and strings have a length",
+        PRINT,
+    ),
+    (
+        "attempt to iterate",
+        "the value after `in` is not a list, perhaps nil",
+        PRINT,
+    ),
+    ("invalid 'for'", "a `for` counts with numbers only", PRINT),
+];
 
 struct ErrorSite<'a> {
     source: &'a str,
@@ -160,7 +168,11 @@ impl<'a> ErrorSite<'a> {
         line: usize,
         context: &'a CheckContext,
     ) -> ErrorSite<'a> {
-        let (_, kinds) = walk::walked(tree, ("", source), context);
+        let text = SourceText {
+            file: "",
+            text: source,
+        };
+        let (_, kinds) = walk::walked(tree, text, context);
         let mut site = ErrorSite {
             source,
             exprs: Vec::new(),
@@ -268,37 +280,7 @@ impl<'a> ErrorSite<'a> {
     fn may_be(&self, expr: &Expr, what: &str) -> bool {
         let kind = self.kind(expr);
         match what {
-            "nil" => match (kind, &expr.bare().kind) {
-                (ValueKind::Nothing, _) => true,
-                (ValueKind::Unknown, _) => {
-                    !matches!(expr.bare().kind, ExprKind::Function(_) | ExprKind::Table(_))
-                }
-                (
-                    ValueKind::Namespace(_)
-                    | ValueKind::Module(_)
-                    | ValueKind::Params(_)
-                    | ValueKind::Native(_)
-                    | ValueKind::Function(_)
-                    | ValueKind::Table(_),
-                    _,
-                ) => false,
-                (
-                    _,
-                    ExprKind::Number(_)
-                    | ExprKind::Text(_)
-                    | ExprKind::Boolean(_)
-                    | ExprKind::Pieces(_),
-                ) => false,
-                (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
-                (
-                    ValueKind::Object(_)
-                    | ValueKind::List(_)
-                    | ValueKind::Number(_)
-                    | ValueKind::Text(_)
-                    | ValueKind::Boolean,
-                    _,
-                ) => true,
-            },
+            "nil" => may_be_nil(kind, expr.bare()),
             "number" => matches!(kind, ValueKind::Number(_) | ValueKind::Unknown),
             "string" => matches!(kind, ValueKind::Text(_) | ValueKind::Unknown),
             "boolean" => matches!(kind, ValueKind::Boolean | ValueKind::Unknown),
@@ -443,6 +425,36 @@ impl<'a> ErrorSite<'a> {
             }
         });
         found.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
+    }
+}
+
+/// Whether an expression of this kind may be nil, as far as the source tells.
+fn may_be_nil(kind: ValueKind<'_>, expr: &Expr) -> bool {
+    match (kind, &expr.kind) {
+        (ValueKind::Nothing, _) => true,
+        (ValueKind::Unknown, _) => !matches!(expr.kind, ExprKind::Function(_) | ExprKind::Table(_)),
+        (
+            ValueKind::Namespace(_)
+            | ValueKind::Module(_)
+            | ValueKind::Params(_)
+            | ValueKind::Native(_)
+            | ValueKind::Function(_)
+            | ValueKind::Table(_),
+            _,
+        ) => false,
+        (
+            _,
+            ExprKind::Number(_) | ExprKind::Text(_) | ExprKind::Boolean(_) | ExprKind::Pieces(_),
+        ) => false,
+        (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
+        (
+            ValueKind::Object(_)
+            | ValueKind::List(_)
+            | ValueKind::Number(_)
+            | ValueKind::Text(_)
+            | ValueKind::Boolean,
+            _,
+        ) => true,
     }
 }
 

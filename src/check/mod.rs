@@ -27,6 +27,7 @@ use crate::robot::Streams;
 use crate::script::{Failure, GivenParam, Options, Script, compile_error, read_text, resolve};
 use crate::vision::Colour;
 
+use diagnostic::SourceText;
 pub use diagnostic::{Diagnostic, Severity};
 pub use explain::{explain, explanation};
 use lexer::Span;
@@ -131,11 +132,12 @@ pub fn check(source: &[u8], chunk: &str, context: &CheckContext) -> Vec<Diagnost
         Ok(text) => text,
         Err(failure) => return vec![unreadable(source, chunk, &failure)],
     };
+    let source = SourceText { file: chunk, text };
     if let Some(complaint) = compile_error(text, chunk) {
-        return vec![syntax::diagnostic((chunk, text), &complaint)];
+        return vec![syntax::diagnostic(source, &complaint)];
     }
     match parser::parse(text) {
-        Ok(tree) => walk::walk(&tree, (chunk, text), context),
+        Ok(tree) => walk::walk(&tree, source, context),
         Err(_) => Vec::new(),
     }
 }
@@ -161,7 +163,11 @@ fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Diagnostic {
     let words = failure.to_string();
     let words = words.strip_prefix(chunk).unwrap_or(&words);
     let words = words.trim_start_matches(|c: char| c == ':' || c == ' ' || c.is_ascii_digit());
-    Diagnostic::new((chunk, &text), span, Severity::Error, words)
+    let source = SourceText {
+        file: chunk,
+        text: &text,
+    };
+    Diagnostic::new(source, span, Severity::Error, words)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::diagnostic::{Diagnostic, Severity};
+use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
 use super::parser;
@@ -23,14 +23,10 @@ pub struct Required {
 
 impl Required {
     /// The diagnostic that this module cannot be loaded.
-    pub fn refused(&self, (source, chunk): (&[u8], &str), why: &str) -> Option<Diagnostic> {
+    pub fn refused(&self, source: &[u8], file: &str, why: &str) -> Option<Diagnostic> {
         let text = std::str::from_utf8(source).ok()?;
-        Some(Diagnostic::new(
-            (chunk, text),
-            self.at,
-            Severity::Error,
-            why,
-        ))
+        let source = SourceText { file, text };
+        Some(Diagnostic::new(source, self.at, Severity::Error, why))
     }
 }
 

@@ -3,7 +3,7 @@
 
 mod gaps;
 
-use super::diagnostic::{Diagnostic, Severity};
+use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
@@ -24,7 +24,8 @@ struct Explanation {
 }
 
 /// For an error such as `a.lua:3: Expected 'then' when parsing if statement`.
-pub(super) fn diagnostic((chunk, source): (&str, &str), complaint: &str) -> Diagnostic {
+pub(super) fn diagnostic(source: SourceText<'_>, complaint: &str) -> Diagnostic {
+    let chunk = source.file;
     let rest = complaint.strip_prefix(chunk).unwrap_or(complaint);
     let rest = rest.strip_prefix(':').unwrap_or(rest);
     let (line, words) = match rest.split_once(':') {
@@ -33,20 +34,15 @@ pub(super) fn diagnostic((chunk, source): (&str, &str), complaint: &str) -> Diag
     };
     let words = words.lines().next().unwrap_or_default();
     let site = ErrorSite {
-        source,
-        tokens: tokens(source),
+        source: source.text,
+        tokens: tokens(source.text),
         line,
         words,
-        ends: source.match_indices('\n').map(|(at, _)| at).collect(),
+        ends: source.text.match_indices('\n').map(|(at, _)| at).collect(),
     };
     let explanation = site.explanation();
-    Diagnostic::new(
-        (chunk, source),
-        explanation.at,
-        Severity::Error,
-        explanation.message,
-    )
-    .help(explanation.help)
+    Diagnostic::new(source, explanation.at, Severity::Error, explanation.message)
+        .help(explanation.help)
 }
 
 impl ErrorSite<'_> {

@@ -3,7 +3,7 @@
 
 mod calls;
 
-use super::diagnostic::{Diagnostic, Severity};
+use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
 use super::tree::{
@@ -16,7 +16,7 @@ use crate::script::suggestion;
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,
     pub(super) context: &'a CheckContext,
-    text: (&'a str, &'a str),
+    source: SourceText<'a>,
     diagnostics: Vec<Diagnostic>,
     /// Diagnostics beyond the maximum, which are only counted.
     surplus: Surplus,
@@ -42,37 +42,37 @@ impl Surplus {
     }
 
     /// Returns one diagnostic that stands for all that were only counted.
-    fn summary(&self, text: (&str, &str)) -> Option<Diagnostic> {
+    fn summary(&self, source: SourceText<'_>) -> Option<Diagnostic> {
         let (severity, count) = match (self.errors, self.warnings) {
             (0, 0) => return None,
             (0, warnings) => (Severity::Warning, warnings),
             (errors, warnings) => (Severity::Error, errors + warnings),
         };
-        let end = text.1.trim_end().len();
+        let end = source.text.trim_end().len();
         let span = Span { start: end, end };
         let message = format!("and {count} more mistakes in this file");
-        Some(Diagnostic::new(text, span, severity, message).help("correct the first ones first"))
+        Some(Diagnostic::new(source, span, severity, message).help("correct the first ones first"))
     }
 }
 
 pub(super) fn walk<'a>(
     tree: &'a Tree,
-    text: (&'a str, &'a str),
+    source: SourceText<'a>,
     context: &'a CheckContext,
 ) -> Vec<Diagnostic> {
-    walked(tree, text, context).0
+    walked(tree, source, context).0
 }
 
 /// Same as [`walk`], but also returns what is then known about the names.
 pub(super) fn walked<'a>(
     tree: &'a Tree,
-    text: (&'a str, &'a str),
+    source: SourceText<'a>,
     context: &'a CheckContext,
 ) -> (Vec<Diagnostic>, Kinds<'a>) {
     let mut walk = Walk {
         kinds: Kinds::new(tree, &context.paths),
         context,
-        text,
+        source,
         diagnostics: Vec::new(),
         surplus: Surplus::default(),
     };
@@ -80,7 +80,7 @@ pub(super) fn walked<'a>(
     let mut diagnostics = walk.diagnostics;
     diagnostics.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
     diagnostics.dedup();
-    diagnostics.extend(walk.surplus.summary(text));
+    diagnostics.extend(walk.surplus.summary(source));
     (diagnostics, walk.kinds)
 }
 
@@ -101,11 +101,11 @@ impl<'a> Walk<'a> {
     ) -> &mut Diagnostic {
         if self.is_full() {
             self.surplus.count(severity);
-            let text = ("", "");
-            let spare = || Diagnostic::new(text, Span { start: 0, end: 0 }, severity, "");
+            let none = SourceText { file: "", text: "" };
+            let spare = || Diagnostic::new(none, Span { start: 0, end: 0 }, severity, "");
             return self.surplus.spare.get_or_insert_with(spare);
         }
-        let diagnostic = Diagnostic::new(self.text, span, severity, message);
+        let diagnostic = Diagnostic::new(self.source, span, severity, message);
         self.diagnostics.push(diagnostic);
         let last = self.diagnostics.len() - 1;
         &mut self.diagnostics[last]
@@ -125,7 +125,7 @@ impl<'a> Walk<'a> {
     }
 
     fn source_text(&self, span: Span) -> String {
-        crate::script::printable(span.of(self.text.1), 60)
+        crate::script::printable(span.of(self.source.text), 60)
     }
 
     // Statements -----------------------------------------------------------------------------
@@ -341,9 +341,7 @@ impl<'a> Walk<'a> {
             ExprKind::Global(name) => return self.global(name, expr.span),
             ExprKind::Function(body) => return self.body(body),
             ExprKind::Call(callee, arguments) => return self.called(expr, callee, arguments),
-            ExprKind::Method(object, name, at, arguments) => {
-                return self.method(expr, object, (name, *at), arguments);
-            }
+            ExprKind::Method(..) => return self.method(expr),
             ExprKind::Field(object, name, at) => {
                 self.expr(object);
                 return self.field(object, name, *at);
@@ -371,7 +369,7 @@ impl<'a> Walk<'a> {
         let tree = self.kinds.tree;
         let elsewhere = tree.locals.iter().find(|local| local.name == name);
         if let Some(local) = elsewhere {
-            let line = self.text.1[..local.span.start].matches('\n').count() + 1;
+            let line = self.source.text[..local.span.start].matches('\n').count() + 1;
             let message = format!("'{name}' is not known here");
             let help = if local.span.start > span.start {
                 format!("it is defined further down, in line {line}; move that above this line")

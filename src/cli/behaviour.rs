@@ -118,9 +118,6 @@ impl BehaviourArgs {
 }
 
 /// Sends the request to the run and prints the reply.
-///
-/// # Errors
-/// No run is active, several are and none was named, or the run refuses the request.
 pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
     match &args.command {
         BehaviourCommand::List(args) => list(args),

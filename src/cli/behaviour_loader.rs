@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 use super::params::{self, Param};
-use crate::agent::{Behaviour, BehaviourSpec, BehaviourSpecError};
+use crate::agent::{Behaviour, BehaviourSpec, RosterError};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
@@ -43,7 +43,6 @@ pub(super) struct BehaviourLoader<'a> {
     pub(super) zone: Zone,
 }
 
-/// The behaviours of a command.
 pub(super) struct LoadedBehaviours {
     pub(super) behaviours: Vec<Behaviour>,
     pub(super) specs: Vec<BehaviourSpec>,
@@ -52,10 +51,6 @@ pub(super) struct LoadedBehaviours {
 
 impl BehaviourLoader<'_> {
     /// Reads the scripts of these entries.
-    ///
-    /// # Errors
-    /// A script that cannot be read, a name that is not valid, a parameter that the script does not
-    /// declare.
     pub(super) fn load(&self, entries: &[Entry]) -> Result<LoadedBehaviours, Failure> {
         let mut names = Vec::new();
         let mut watches = Vec::new();
@@ -127,9 +122,9 @@ fn spec(behaviour: &Behaviour, file: PathBuf, checked: bool) -> BehaviourSpec {
     let restart = behaviour.restart;
     let launch = behaviour.launch.clone();
     BehaviourSpec::new(launch.options.name.clone(), priority, move || {
-        let path = file.clone();
-        let source = behaviour::read_source(&file)
-            .map_err(|source| BehaviourSpecError::Read { path, source })?;
+        let source = behaviour::read_source(&file).map_err(|error| {
+            RosterError::CannotLoad(format!("cannot read {}: {error}", file.display()))
+        })?;
         Ok(Behaviour {
             priority,
             launch: Launch {

@@ -16,9 +16,6 @@ pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 const LONGEST_CERTIFICATES: u64 = 1 << 20;
 
 /// The broker's account, if the config names a broker.
-///
-/// # Errors
-/// Secrets or certificates that cannot be read.
 pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> {
     let options = settings.config.mqtt.clone();
     if options.host.is_none() {
@@ -47,9 +44,6 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
 /// The account of the broker that serves requests to a run, if the config names a broker. A config
 /// that was found in the current folder may have come from anywhere: it must not hand the robot and
 /// its camera to a stranger's broker.
-///
-/// # Errors
-/// See [`account`]; or a config that was found, not named.
 pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     let account = account(settings)?;
     if let (Some(_), Some(config)) = (&account, settings.found_file()) {

@@ -27,9 +27,6 @@ pub(super) struct CompletionsArgs {
 }
 
 /// Prints the completions to stdout.
-///
-/// # Errors
-/// A stdout that cannot be written to.
 pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
     // The names are set only here: elsewhere a wrong name must reach the suggestions. Names with
     // colons are left out, as shells split words at colons.

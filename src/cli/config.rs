@@ -1,16 +1,19 @@
-//! `spykee config`: shows the settings and their origins, and checks config files.
+//! `spykee config`: shows the settings and their origins, checks config files, and shows what their
+//! timetable and notification targets come to.
 
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use serde_json::{Value as Json, json};
 
-use super::schedule::unknown_behaviour;
+use super::notify::TestArgs;
+use super::schedule::{ScheduleArgs, unknown_behaviour};
 use super::settings::SettingsArgs;
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, notify, print, schedule};
 use crate::config::{self, Config, Setting};
 
-/// Show the settings and where they come from, check a config file, or print its JSON Schema
+/// Show the settings and where they come from, check a config file, list its coming starts, test its
+/// notification targets
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigArgs {
     #[command(subcommand)]
@@ -30,6 +33,8 @@ enum Action {
         #[command(flatten)]
         settings: SettingsArgs,
     },
+    Schedule(ScheduleArgs),
+    TestNotify(TestArgs),
     /// Print the JSON Schema of the config, for editors
     Schema,
 }
@@ -54,12 +59,14 @@ impl ConfigArgs {
         match &self.action {
             Action::Show(args) => Some(&args.settings),
             Action::Check { settings, .. } => Some(settings),
+            Action::Schedule(args) => Some(&args.settings),
+            Action::TestNotify(args) => Some(&args.settings),
             Action::Schema => None,
         }
     }
 }
 
-/// Shows or checks the settings. Never reads secrets, so cannot show them.
+/// Shows or checks the settings. Only the test of notification targets reads secrets.
 pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
     match &args.action {
         Action::Show(args) => show(args),
@@ -67,6 +74,8 @@ pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
             Some(file) => check(file),
             None => check(&settings.path()),
         },
+        Action::Schedule(args) => schedule::run(args),
+        Action::TestNotify(args) => notify::run(args),
         Action::Schema => {
             print(&format!("{:#}\n", config::schema()))?;
             Ok(Exit::Done)

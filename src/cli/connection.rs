@@ -13,10 +13,8 @@ const DEFAULT_LOGIN: &str = "admin";
 /// The protocol's one-byte length prefix.
 const MAX_LOGIN_CHARS: usize = 255;
 
-/// The robot to connect to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum RobotChoice {
-    /// A robot on the network.
     Robot(Target),
     /// A simulated robot inside this program, in this world or the default one.
     Sim(Option<PathBuf>),
@@ -35,7 +33,6 @@ pub struct ConnectionArgs {
     pub sim: Option<Option<PathBuf>>,
 
     #[command(flatten)]
-    #[allow(missing_docs)]
     pub login: LoginArgs,
 }
 
@@ -72,11 +69,6 @@ impl ConnectionArgs {
 impl LoginArgs {
     /// User and password: flags override the environment, which overrides systemd's credential (the
     /// password), which overrides the config, which overrides the robot's default.
-    ///
-    /// # Errors
-    /// A password file that cannot be read or is empty, or that is named by a config which was
-    /// found (not named) and may not name it; a user name or password that the protocol cannot
-    /// carry. The error never contains the password.
     pub(super) fn login(&self, settings: &Effective) -> Result<Login, Failure> {
         let config = &settings.config;
         let user = self.user.as_deref().or(config.user.as_deref());
@@ -88,9 +80,6 @@ impl LoginArgs {
     }
 
     /// Like [`LoginArgs::login`], without a config.
-    ///
-    /// # Errors
-    /// The same.
     pub(super) fn login_without_config(&self) -> Result<Login, Failure> {
         self.login(&Effective::default())
     }

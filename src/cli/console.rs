@@ -33,6 +33,9 @@ const REDIRECT_LIMIT: Duration = Duration::from_millis(500);
 const DROP_NOTICE_INTERVAL: Duration = Duration::from_secs(60);
 /// Pause between two attempts to enqueue into a full queue.
 const RETRY_PAUSE: Duration = Duration::from_millis(5);
+/// Largest number of bytes that the log may have per day, of which a 24th at once. Lines beyond it are
+/// dropped and counted.
+const BYTES_A_DAY: u64 = 256 << 20;
 
 /// A handle for writing to stderr. Cheap to clone; only [`Console::redirect`] and [`Console::end`]
 /// may block.
@@ -70,14 +73,11 @@ impl Console {
     /// The system cannot start a thread.
     pub fn start(format: LogFormat, logging: &Logging) -> io::Result<Console> {
         let features = features_of_stderr(format, logging.colour);
-        let day = Budget::new(logging.bytes_a_day);
+        let day = Budget::new(BYTES_A_DAY);
         Console::with_output(io::stderr(), features, stderr_columns, format, day)
     }
 
     /// Collects the output instead, as if stderr were a file.
-    ///
-    /// # Errors
-    /// The system cannot start a thread.
     pub(super) fn collecting(
         into: Collected,
         format: LogFormat,
@@ -87,7 +87,7 @@ impl Console {
             redraw: false,
             colour: format == LogFormat::Text && logging.colour == When::Always,
         };
-        let day = Budget::new(logging.bytes_a_day);
+        let day = Budget::new(BYTES_A_DAY);
         Console::with_output(into, features, || DEFAULT_COLUMNS, format, day)
     }
 
@@ -126,7 +126,6 @@ impl Console {
         self.features.colour
     }
 
-    /// Whether logs are JSON.
     pub fn is_json(&self) -> bool {
         self.format == LogFormat::Json
     }

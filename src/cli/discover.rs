@@ -42,9 +42,6 @@ fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
 }
 
 /// Sends the query and prints the robots that answered.
-///
-/// # Errors
-/// No robot answered, or the query cannot be sent.
 pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failure> {
     let found = block_on(async {
         if args.ask.is_empty() {

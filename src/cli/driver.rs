@@ -39,9 +39,6 @@ pub(super) struct Driver {
 /// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
 /// terminating signal ends the job; Ctrl-Z stops the robot, then suspends the program. If the
 /// battery is low, stays connected until the robot is on its station, unless a signal arrives.
-///
-/// # Errors
-/// The robot cannot be reached, or the job fails.
 pub(super) async fn drive(
     parts: DriverParts,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
@@ -121,9 +118,6 @@ impl Driver {
     }
 
     /// Drives for this long and returns how the motion ended.
-    ///
-    /// # Errors
-    /// The pilot has ended.
     pub(super) async fn run(
         &mut self,
         setpoint: Setpoint,
@@ -134,27 +128,18 @@ impl Driver {
     }
 
     /// Goes to the station.
-    ///
-    /// # Errors
-    /// The pilot has ended.
     pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
         let end = self.pilot_client()?.dock(plan).await;
         self.answered(end).await
     }
 
     /// Leaves the station.
-    ///
-    /// # Errors
-    /// The pilot has ended.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
         let end = self.pilot_client()?.undock(timeout).await;
         self.answered(end).await
     }
 
     /// Plays samples on the robot's speaker: s16 little-endian, mono, 16 kHz.
-    ///
-    /// # Errors
-    /// The pilot has ended.
     pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
         let end = self.pilot_client()?.say(samples).await;
         self.answered(end).await

@@ -33,9 +33,6 @@ pub(super) struct EmbeddedSim {
 
 impl EmbeddedSim {
     /// Starts a simulator in the default world or the named one; it accepts this one login.
-    ///
-    /// # Errors
-    /// A world that cannot be used; a socket or thread that cannot be opened.
     pub(super) fn start(
         world: Option<&Path>,
         login: &Login,
@@ -84,12 +81,10 @@ impl EmbeddedSim {
         }
     }
 
-    /// The address on which it listens.
     pub(super) fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// A handle to its state.
     pub(super) fn handle(&self) -> Handle {
         self.handle.clone()
     }
@@ -109,9 +104,6 @@ fn no_sim(error: std::io::Error) -> Failure {
 }
 
 /// Loads the world from a file, the built-in one of that name, or the default one.
-///
-/// # Errors
-/// An invalid file; the error says what is wrong and where.
 pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());

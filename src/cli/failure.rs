@@ -39,7 +39,6 @@ impl From<Exit> for ExitCode {
 #[derive(Debug, thiserror::Error)]
 #[error("{what}")]
 pub struct Failure {
-    /// The exit code.
     pub exit: Exit,
     /// What happened, and where; no full stop.
     pub what: String,

@@ -47,7 +47,6 @@ pub(super) struct Fast {
     pub(super) trace: Option<TraceFile>,
     /// The page that shows the run and controls its clock.
     pub(super) page: Option<PageInputs>,
-    /// The journal of the run.
     pub(super) journal: Option<SimulationJournalOptions>,
 }
 
@@ -86,9 +85,6 @@ type Run = (Result<Outcome, AgentError>, Duration);
 
 impl Fast {
     /// Runs to the end and logs the speed.
-    ///
-    /// # Errors
-    /// A thread, runtime or signal handler that cannot be started.
     pub(super) fn run(
         self,
         names: String,
@@ -196,7 +192,7 @@ fn run_handle(run: &Running, streams: Streams) -> control::Run {
         status: run.status(),
         pictures: run.pictures(),
         reactions: run.reactions(),
-        stop: run.stopper(),
+        end: Some(run.stopper()),
         emergency_stop: control::EmergencyStop::default(),
         streams,
         target: "a simulation".to_owned(),
@@ -295,9 +291,6 @@ struct Writing {
 
 impl EventFile {
     /// Creates the file, or empties it.
-    ///
-    /// # Errors
-    /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<EventFile, Failure> {
         let shown = path.display().to_string();
         let file = File::create(path)
@@ -328,9 +321,6 @@ impl EventFile {
     }
 
     /// Writes the buffered rest.
-    ///
-    /// # Errors
-    /// The first write error: the log is incomplete.
     pub(super) fn finish(self) -> Result<(), Failure> {
         let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let flushed = writing.file.flush();

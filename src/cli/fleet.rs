@@ -63,8 +63,16 @@ enum Action {
         #[command(flatten)]
         settings: SettingsArgs,
     },
-    /// Stop robots: stop their tracks and end their behaviours
+    /// Press STOP at robots: they stand until they are released; also ends their behaviours
     Stop {
+        /// Uids of the robots, or `all` for every robot that is online
+        #[arg(value_name = "UID", required = true)]
+        robots: Vec<String>,
+        #[command(flatten)]
+        settings: SettingsArgs,
+    },
+    /// Release STOP at robots, so that they may move again
+    ResetStop {
         /// Uids of the robots, or `all` for every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
@@ -78,15 +86,13 @@ impl FleetArgs {
         match &self.action {
             Action::List { settings, .. }
             | Action::Run { settings, .. }
-            | Action::Stop { settings, .. } => settings,
+            | Action::Stop { settings, .. }
+            | Action::ResetStop { settings, .. } => settings,
         }
     }
 }
 
 /// Connects to the broker and carries out the command.
-///
-/// # Errors
-/// The config names no broker, or the broker cannot be reached.
 pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
     let account = broker::account(args.settings().load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker")
@@ -108,6 +114,9 @@ async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
             send_command(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
         }
         Action::Stop { robots, .. } => send_command(fleet, &BrokerCommand::Stop, robots).await,
+        Action::ResetStop { robots, .. } => {
+            send_command(fleet, &BrokerCommand::ResetStop, robots).await
+        }
     }
 }
 

@@ -65,7 +65,7 @@ enum Topic {
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// Watchdog actions, behaviours that were given up, missed starts, events that were lost
+    /// Watchdog actions, STOP, behaviours that were given up, missed starts, events that were lost
     Alarms,
     /// Behaviours: start, end, and how they ended
     Runs,
@@ -84,7 +84,14 @@ impl Topic {
             Topic::Battery => &["battery"],
             Topic::Link => &["link_up", "link_down"],
             Topic::Docks => &["dock", "undock"],
-            Topic::Alarms => &["safety", "given_up", "start_missed", "lost"],
+            Topic::Alarms => &[
+                "safety",
+                "given_up",
+                "start_missed",
+                "stop_engaged",
+                "stop_reset",
+                "lost",
+            ],
             Topic::Runs => &["started", "ended"],
             Topic::Pictures => &["picture"],
             Topic::Entries => &["entry"],
@@ -97,9 +104,6 @@ impl Topic {
 const DEFAULT_LIMIT: u32 = 1000;
 
 /// Prints the journal.
-///
-/// # Errors
-/// No journal, or one that cannot be read.
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();

@@ -36,9 +36,6 @@ const TERMINATING: [i32; 13] = [
 ];
 
 /// Returns a future that completes at the first terminating signal from now on.
-///
-/// # Errors
-/// The signal handlers cannot be installed.
 pub(super) fn interruption() -> Result<impl Future<Output = ()> + Send, Failure> {
     let mut signals = TerminatingSignals::except(&[])?;
     Ok(async move { signals.next().await })
@@ -49,9 +46,6 @@ pub(super) struct TerminatingSignals(Vec<Signal>);
 
 impl TerminatingSignals {
     /// Listens from now on to all of them except those that the caller handles itself.
-    ///
-    /// # Errors
-    /// The signal handlers cannot be installed.
     pub(super) fn except(others: &[i32]) -> Result<TerminatingSignals, Failure> {
         let ours = TERMINATING.iter().filter(|number| !others.contains(number));
         let signals: Result<_, Failure> = ours.map(|&number| listen(number)).collect();
@@ -75,9 +69,6 @@ impl TerminatingSignals {
 }
 
 /// Listens to a signal from now on, which replaces its default action.
-///
-/// # Errors
-/// The signal handler cannot be installed.
 pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
     signal(SignalKind::from_raw(number)).map_err(|error| Failure::io("receive signals", error))
 }
@@ -85,9 +76,6 @@ pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
 /// From now on the first terminating signal cancels `stop`, and Ctrl-Z first stops the robot, by a
 /// request to its pilot, then suspends this program. The driving core handles the signals: any
 /// other thread may be blocked on the disk.
-///
-/// # Errors
-/// The signal handlers cannot be installed.
 pub(super) fn handle_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -97,9 +85,6 @@ pub(super) fn handle_signals(
 }
 
 /// Like [`handle_signals`], for a service: the caller handles SIGHUP.
-///
-/// # Errors
-/// The signal handlers cannot be installed.
 pub(super) fn handle_service_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -110,9 +95,6 @@ pub(super) fn handle_service_signals(
 
 /// Like [`handle_signals`], for a prompt: the caller handles SIGINT, and while this program is
 /// suspended the terminal has its original settings.
-///
-/// # Errors
-/// The signal handlers cannot be installed.
 pub(super) fn handle_prompt_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -173,7 +155,6 @@ const CHECK_PAUSE: Duration = Duration::from_millis(10);
 pub(super) struct Terminal(Option<Termios>);
 
 impl Terminal {
-    /// The current settings.
     pub(super) fn current() -> Terminal {
         Terminal(tcgetattr(rustix::stdio::stdin()).ok())
     }

@@ -109,9 +109,6 @@ struct StartArgs {
 }
 
 /// Creates the folder. Does not change an existing one.
-///
-/// # Errors
-/// The folder exists or cannot be created.
 fn start(args: &StartArgs) -> Result<Exit, Failure> {
     let lesson = args.lesson;
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));

@@ -39,9 +39,6 @@ impl PageInputs {
 
     /// Serves the page, logs its address, and opens it in the browser if a person is at the
     /// terminal.
-    ///
-    /// # Errors
-    /// The page cannot be served.
     pub(super) fn serve(
         self,
         run: Run,

@@ -3,13 +3,13 @@
 
 mod api;
 mod argument;
+mod assembly;
 mod behaviour;
 mod behaviour_loader;
-mod blobs;
 mod broker;
 mod calibrate;
 mod check;
-mod colours;
+mod colour;
 mod completions;
 mod config;
 mod connection;
@@ -23,15 +23,12 @@ mod fast;
 mod fleet;
 mod history;
 mod interrupt;
-mod learn;
 mod lesson;
 mod live;
 mod logging;
-mod marked_pictures;
 mod new;
 mod notify;
 mod params;
-mod picture;
 mod privileges;
 mod repl;
 mod robot;
@@ -118,12 +115,10 @@ pub enum LogFormat {
 enum Command {
     Run(Box<run::RunArgs>),
     Serve(serve::ServeArgs),
-    Schedule(schedule::ScheduleArgs),
     Service(service::ServiceArgs),
     Status(runs::StatusArgs),
     Behaviour(behaviour::BehaviourArgs),
     History(history::HistoryArgs),
-    Notify(notify::NotifyArgs),
     Fleet(fleet::FleetArgs),
     Token(token::TokenArgs),
     Discover(discover::DiscoverArgs),
@@ -137,9 +132,7 @@ enum Command {
     Lesson(lesson::LessonArgs),
     Api(api::ApiArgs),
     Sim(sim::SimArgs),
-    World(world::WorldArgs),
-    Blobs(blobs::BlobsArgs),
-    Learn(learn::LearnArgs),
+    Colour(colour::ColourArgs),
     Config(config::ConfigArgs),
     Completions(completions::CompletionsArgs),
 }
@@ -150,11 +143,9 @@ impl Command {
         match self {
             Command::Run(args) => Some(&args.settings),
             Command::Serve(args) => Some(&args.settings),
-            Command::Schedule(args) => Some(&args.settings),
             Command::Status(args) => Some(&args.settings),
             Command::Behaviour(args) => Some(args.settings()),
             Command::History(args) => Some(&args.settings),
-            Command::Notify(args) => Some(args.settings()),
             Command::Fleet(args) => Some(args.settings()),
             Command::Token(args) => Some(&args.settings),
             Command::Robot(args) => Some(args.settings()),
@@ -163,7 +154,7 @@ impl Command {
             Command::Repl(args) => Some(&args.settings),
             Command::Check(args) => Some(&args.settings),
             Command::Test(args) => Some(&args.settings),
-            Command::Blobs(args) => Some(&args.settings),
+            Command::Colour(args) => args.settings(),
             Command::Config(args) => args.settings(),
             _ => None,
         }
@@ -173,12 +164,10 @@ impl Command {
         match self {
             Command::Run(args) => run::run(&args, console),
             Command::Serve(args) => serve::run(&args, console),
-            Command::Schedule(args) => schedule::run(&args),
             Command::Service(args) => service::run(&args),
             Command::Status(args) => runs::run(&args),
             Command::Behaviour(args) => behaviour::run(&args),
             Command::History(args) => history::run(&args),
-            Command::Notify(args) => notify::run(&args),
             Command::Fleet(args) => fleet::run(&args),
             Command::Token(args) => token::run(&args),
             Command::Discover(args) => discover::run(&args, console),
@@ -192,9 +181,7 @@ impl Command {
             Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Sim(args) => sim::run(&args, console),
-            Command::World(args) => world::run(&args),
-            Command::Blobs(args) => blobs::run(&args, console),
-            Command::Learn(args) => learn::run(&args, console),
+            Command::Colour(args) => colour::run(&args, console),
             Command::Config(args) => config::run(&args),
             Command::Completions(args) => completions::run(&args, command()),
         }
@@ -238,7 +225,6 @@ pub fn main() -> ExitCode {
 /// What [`run_for_test`] returns.
 #[derive(Debug)]
 pub struct TestOutput {
-    /// The exit code.
     pub code: u8,
     /// What was written to stdout.
     pub out: String,

@@ -68,9 +68,6 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
 }
 
 /// Creates the folder. Does not change an existing one.
-///
-/// # Errors
-/// The folder exists or cannot be created.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     let folder = PathBuf::from(&args.name);
     let shown = folder.display();

@@ -1,4 +1,4 @@
-//! `spykee notify`, and the notifications of a run: reads the config's targets and their secrets.
+//! `spykee config test-notify`, and the notifications of a run: reads the config's targets and their secrets.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,67 +20,43 @@ use crate::notify::{
 /// Time limit for the last deliveries at the end of a run.
 pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(3);
 
-/// Test the config's notification targets: webhooks, topics and commands
+/// Send a message to some or all notification targets and print the result of each delivery
+///
+/// Sends at once, without queue, rules or rate limits. The exit code is 4 if a delivery failed.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct NotifyArgs {
-    #[command(subcommand)]
-    action: Action,
-}
+#[command(
+    after_help = "Example: spykee config test-notify phone --picture spykee-data/guard/1.jpg"
+)]
+pub(super) struct TestArgs {
+    /// Names of targets in the config's `notify: { targets: ... }` [default: all]
+    #[arg(value_name = "TARGET")]
+    targets: Vec<String>,
 
-#[derive(Debug, Clone, clap::Subcommand)]
-enum Action {
-    /// Send a message to some or all targets and print the result of each delivery
-    ///
-    /// Sends at once, without queue, rules or rate limits. The exit code is 4 if a delivery failed.
-    #[command(after_help = "Example: spykee notify test phone --picture spykee-data/guard/1.jpg")]
-    Test {
-        /// Names of targets in the config's `notify: { targets: ... }` [default: all]
-        #[arg(value_name = "TARGET")]
-        targets: Vec<String>,
+    /// Text of the message
+    #[arg(long, default_value = "a test of spykee's notifications")]
+    text: String,
 
-        /// Text of the message
-        #[arg(long, default_value = "a test of spykee's notifications")]
-        text: String,
+    /// JPEG picture to attach
+    #[arg(long, value_name = "FILE.jpg")]
+    picture: Option<PathBuf>,
 
-        /// JPEG picture to attach
-        #[arg(long, value_name = "FILE.jpg")]
-        picture: Option<PathBuf>,
-
-        #[command(flatten)]
-        settings: SettingsArgs,
-    },
-}
-
-impl NotifyArgs {
-    pub(super) fn settings(&self) -> &SettingsArgs {
-        match &self.action {
-            Action::Test { settings, .. } => settings,
-        }
-    }
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 }
 
 /// Sends the message.
-///
-/// # Errors
-/// No such target, or secrets that cannot be read.
-pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
-    let Action::Test {
-        targets,
-        text,
-        picture,
-        settings,
-    } = &args.action;
-    let settings = settings.load()?;
+pub(super) fn run(args: &TestArgs) -> Result<Exit, Failure> {
+    let settings = args.settings.load()?;
     let options = &settings.config.notify;
-    let chosen = chosen(options, targets)?;
+    let chosen = chosen(options, &args.targets)?;
     let tokens = tokens(settings, chosen.iter().copied())?;
     let publisher = publisher(settings)?;
     let notice = Notice {
         rule: Rule::Test,
-        text: text.clone(),
+        text: args.text.clone(),
         robot: "spykee".to_owned(),
         at: Timestamp::now().as_millisecond(),
-        picture: picture.as_deref().map(absolute).transpose()?,
+        picture: args.picture.as_deref().map(absolute).transpose()?,
     };
     let mut exit = Exit::Done;
     let never = CancellationToken::new();
@@ -98,7 +74,6 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// The absolute path of a picture.
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
     path.canonicalize().map_err(|error| {
         Failure::usage(format_args!(
@@ -132,10 +107,6 @@ fn chosen<'a>(
 }
 
 /// The notifications of a run, if the config wants any.
-///
-/// # Errors
-/// Secrets that cannot be read, or a config that was found, not named, and has targets that are
-/// only allowed in a named config.
 pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
     let options = &settings.config.notify;
     if options.targets.is_empty() {

@@ -1,6 +1,7 @@
 //! Drops the privileges of a service that was started as root.
 
 use std::ffi::CString;
+use std::io;
 use std::os::unix::fs::{DirBuilderExt as _, chown};
 use std::path::Path;
 
@@ -10,9 +11,6 @@ use super::Failure;
 
 /// If started as root, permanently switches to this user; `root` itself keeps the privileges. Does
 /// nothing if not started as root. Creates the data folder for the user if it is missing.
-///
-/// # Errors
-/// No user was named, the user does not exist, or a system call failed.
 pub(super) fn drop_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
     if !Uid::effective().is_root() {
         return Ok(());
@@ -44,7 +42,7 @@ pub(super) fn drop_root(user: Option<&str>, data: &Path) -> Result<(), Failure> 
 }
 
 /// Creates the folder for this user. Does not change an existing one.
-fn create_folder(data: &Path, user: &User) -> std::io::Result<()> {
+fn create_folder(data: &Path, user: &User) -> io::Result<()> {
     if data.exists() {
         return Ok(());
     }
@@ -55,18 +53,7 @@ fn create_folder(data: &Path, user: &User) -> std::io::Result<()> {
     chown(data, Some(user.uid.as_raw()), Some(user.gid.as_raw()))
 }
 
-/// Why dropping the privileges failed.
-#[derive(Debug, thiserror::Error)]
-enum StillRoot {
-    #[error(transparent)]
-    Name(#[from] std::ffi::NulError),
-    #[error(transparent)]
-    System(#[from] nix::Error),
-    #[error("the process still has root's privileges")]
-    Kept,
-}
-
-fn become_user(user: &User) -> Result<(), StillRoot> {
+fn become_user(user: &User) -> io::Result<()> {
     let name = CString::new(user.name.as_str())?;
     initgroups(&name, user.gid)?;
     setgid(user.gid)?;
@@ -75,7 +62,8 @@ fn become_user(user: &User) -> Result<(), StillRoot> {
         || Gid::effective() != user.gid
         || setuid(Uid::from_raw(0)).is_ok()
     {
-        return Err(StillRoot::Kept);
+        let kept = "the process still has root's privileges";
+        return Err(io::Error::other(kept));
     }
     Ok(())
 }

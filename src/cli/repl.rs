@@ -54,9 +54,6 @@ pub(super) struct ReplArgs {
 }
 
 /// Runs the session until the user ends it.
-///
-/// # Errors
-/// Anything that prevents the session from starting: files, config, the robot.
 pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     args.settings.announce();
@@ -111,8 +108,8 @@ async fn run_session(
     console: &Console,
 ) -> Result<Exit, Failure> {
     let (commands, inbox) = mpsc::channel(16);
-    let (message_sender, messages) = mpsc::channel(64);
-    let (typed_sender, typed) = mpsc::channel(1);
+    let (message_sender, mut messages) = mpsc::channel(64);
+    let (typed_sender, mut typed) = mpsc::channel(1);
     let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
@@ -141,8 +138,6 @@ async fn run_session(
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
         .map_err(|error| Failure::io("start the prompt", error))?;
     let mut session = std::pin::pin!(repl_session.run(inbox, message_sender, stop.clone()));
-    let mut typed = typed;
-    let mut messages = messages;
     loop {
         tokio::select! {
             biased;

@@ -1,41 +1,31 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
-use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
-use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::assembly::{Assembly, RunParts, RunSetup};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
-use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast, SimulationJournalOptions};
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
 use super::params::Param;
-use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
+use super::robot_target::robot_choice;
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
-use super::startup::{
-    JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
-    rescue, runtime, serve, show, warn_of_unpaid_stop,
-};
-use super::status::StatusLine;
+use super::startup::{serve, show};
 use super::world::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
-use crate::agent::{
-    Agent, AgentError, Behaviour, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected,
-};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check};
+use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::behaviour::{RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::{Config, Entry};
-use crate::control::{self, ControlServer, EmergencyStop};
 use crate::journal;
 use crate::link::LinkError;
-use crate::live::{Script, SimulatedRobot};
-use crate::mqtt::Account;
+use crate::live::{RunDefinition, Script};
 use crate::robot::EndReason;
 use crate::sim;
 use crate::simulation::{self, SimClock};
@@ -125,9 +115,6 @@ fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
 }
 
 /// Runs until the scripts have ended, the time limit is reached, or a signal arrives.
-///
-/// # Errors
-/// Anything that prevents the run from starting: files, config, the robot.
 pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
@@ -138,14 +125,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let LoadedBehaviours {
-        behaviours,
-        specs,
-        watches,
-    } = load(&args, &config, seed)?;
+    let loaded = load(&args, &config, seed)?;
     // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
-        check::before_run(&behaviours, console)?;
+        check::before_run(&loaded.behaviours, console)?;
     }
     let choice = robot_choice(&args.connection, &config)?;
     let simulated = matches!(choice, RobotChoice::Sim(_));
@@ -163,82 +146,67 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         tracing::debug!(seed, "starting");
     }
     if args.fast {
-        return fast(&args, &config, choice, behaviours, login, seed, console);
+        return fast(
+            &args,
+            &config,
+            choice,
+            loaded.behaviours,
+            login,
+            seed,
+            console,
+        );
     }
-    let trace = trace_file(&args, simulated)?;
-    let runtime = runtime()?;
-    let kind = Simulated {
-        faults: args.live.is_some(),
+    in_real_time(&args, &config, choice, loaded, login, seed, console)
+}
+
+/// Runs on a robot, or on a simulated one inside this program.
+fn in_real_time(
+    args: &RunArgs,
+    config: &Config,
+    choice: RobotChoice,
+    loaded: LoadedBehaviours,
+    login: Login,
+    seed: u64,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let trace = trace_file(args, matches!(choice, RobotChoice::Sim(_)))?;
+    let LoadedBehaviours {
+        behaviours,
+        specs,
+        watches,
+    } = loaded;
+    let mut settings = args.settings.load()?.clone();
+    settings.config = config.clone();
+    let assembly = Assembly::new(RunSetup {
+        settings: &settings,
+        choice,
+        login,
+        seed,
         firmware: args.firmware.load()?,
-    };
-    let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
-    warn_of_unpaid_stop(&config);
-    let server = ControlServer::open(config.data_folder());
-    let emergency_stop = emergency_stop(&config, sim.is_some());
-    let settings = config.pilot(sim.is_some(), seed);
-    let names = names(&behaviours);
-    let link = config.link.clone();
-    let attempts = ConnectAttempts::default();
-    let connector = if args.wait {
-        let connector = connector(target.clone(), login, link.clone());
-        retry_until_connected(connector, link, seed, attempts.clone())
-    } else {
-        connector(target.clone(), login, link)
-    };
-    let target = target.to_string();
-    let core = driving_core()?;
-    let bus = Bus::default();
-    let page = args.live.map(|_| page(&config, &behaviours, &bus));
-    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
-    let plan = Plan {
+        waits: args.wait,
+        waits_for_reset: false,
+        keeps_journal: config.journal.record == journal::When::On,
+        clock: clock(args, config),
+        names: names(&behaviours),
+        page: args.live.map(|_| definition(&behaviours)),
         behaviours,
         specs,
         stays: args.live.is_some(),
-        settings,
-        connector,
-        launcher: launcher()?,
-        core: core.handle().clone(),
-        heartbeat: Some(heartbeat(sim.is_some(), guardian_files(&config))?),
-        rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
-        bus: bus.clone(),
-    };
-    let account = broker::of_run(args.settings.load()?)?;
-    let journal = match config.journal.record {
-        journal::When::On => {
-            let described = (target.clone(), simulated);
-            journal(&config, &bus, &described, clock(&args, &config))
-        }
-        _ => None,
-    };
-    let notifier = notify::start(args.settings.load()?, &bus)?;
-    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), attempts);
-    let outcome = runtime.block_on(async {
+        beats: None,
+    })?;
+    let sim = assembly.sim();
+    let outcome = assembly.run(async |parts| {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        let parts = RunParts {
-            plan,
-            line,
-            server,
-            target,
-            emergency_stop: emergency_stop.clone(),
-            page,
-            account,
-        };
         drive(parts, console).await
     });
-    drop(core);
-    runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    emergency_stop.finish(JOURNAL_END);
-    journal.map(|journal| journal.finish(JOURNAL_END));
-    notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
     // Also drawn for a run that failed or was interrupted, where it is most useful.
     let drawn = match (trace, &sim) {
-        (Some(trace), Some(sim)) => trace.write(&sim.handle()),
+        (Some(trace), Some(sim)) => trace.write(sim),
         _ => Ok(()),
     };
-    drop(sim);
     outcome.and_then(|exit| drawn.map(|()| exit))
 }
 
@@ -259,9 +227,10 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
+/// What the page shows of the behaviours.
+fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
     let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    PageInputs::new(config, watch::channel(scripts.into()).1, bus)
+    watch::channel(scripts.into()).1
 }
 
 /// Runs in virtual time, in this process.
@@ -300,7 +269,8 @@ fn fast(
         ..simulation::Options::default()
     };
     let names = names(&behaviours);
-    let page = args.live.map(|_| page(config, &behaviours, &options.bus));
+    let page = args.live.map(|_| definition(&behaviours));
+    let page = page.map(|page| PageInputs::new(config, page, &options.bus));
     let fast = Fast {
         world: super::embedded::load(world.as_deref())?,
         behaviours,
@@ -315,54 +285,20 @@ fn fast(
     exit(outcome)
 }
 
-/// The parts of a run in real time.
-struct RunParts {
-    plan: Plan,
-    line: StatusLine,
-    server: io::Result<ControlServer>,
-    target: String,
-    emergency_stop: EmergencyStop,
-    page: Option<(PageInputs, Option<sim::Handle>)>,
-    account: Option<Account>,
-}
-
 async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let core = parts.plan.core.clone();
-    let bus = parts.plan.bus.clone();
-    let streams = parts.plan.settings.streams;
-    let simulated = parts.plan.settings.simulated;
-    let (agent, status) = Agent::new(parts.plan);
-    parts.emergency_stop.restore(&agent.requests());
-    handle_signals(&core, agent.requests(), stop.clone())?;
-    let run = control::Run {
-        requests: agent.requests(),
-        roster: agent.roster(),
-        status: status.clone(),
-        pictures: agent.pictures(),
-        reactions: agent.reactions(),
-        stop: stop.clone(),
-        emergency_stop: parts.emergency_stop,
-        streams,
-        target: parts.target,
-        simulated,
-        began: Instant::now(),
-        // A single run has no timetable.
-        view: View::channel().1,
-    };
-    let page = parts
-        .page
-        .map(|(page, sim)| page.serve(run.clone(), sim.map(SimulatedRobot::from), console));
-    // Ends with the run.
-    let _page = page.transpose()?;
-    let mqtt = broker::start(&bus, &run, parts.account);
-    let showing = show(parts.line, status, console);
+    // A single run has no timetable.
+    let view = View::channel().1;
+    let started = parts.start(&stop, Some(stop.clone()), handle_signals, view, console)?;
+    let showing = show(started.line, started.status, console);
     let outcome = tokio::select! {
-        outcome = agent.run(stop) => exit(outcome),
+        outcome = started.agent.run(stop) => exit(outcome),
         never = showing => match never {},
-        never = serve(parts.server, run) => match never {},
+        never = serve(started.server, started.run) => match never {},
     };
-    mqtt.map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
+    started
+        .mqtt
+        .map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
     outcome
 }
 
@@ -408,9 +344,6 @@ fn clock(args: &RunArgs, config: &Config) -> Clock {
 }
 
 /// The exit code for the outcome of a run.
-///
-/// # Errors
-/// The first connection failed, or a part of the agent ended unexpectedly.
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     let outcome = match outcome {
         Ok(outcome) => outcome,

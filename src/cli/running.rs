@@ -8,8 +8,9 @@ use super::interrupt::interruption;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
 use crate::config::{Effective, ServiceUrl};
-use crate::control::{self, AskError, Client, Remote, RunRequest, RunResponse};
+use crate::control::{self, AskError, Client, Overview, Remote, RunRequest, RunResponse};
 use crate::link::Target;
+use crate::robot::STOP_HOLDS;
 
 /// Timeout for requests that a run carries out immediately.
 pub(super) const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
@@ -30,9 +31,6 @@ pub(super) struct RemoteArgs {
 
 impl RemoteArgs {
     /// A client of the service that the command line or else the config names, if any.
-    ///
-    /// # Errors
-    /// An invalid token; the service cannot be reached or refuses the token.
     pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;
@@ -76,42 +74,68 @@ fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
 
 /// The run or service that the flags select: see [`find_run_of_target`]. `None` with `--sim`, which
 /// starts its own robot.
-///
-/// # Errors
-/// Flags that cannot be combined; see also [`find_run_of_target`].
 pub(super) fn find_run(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
+    refuse_remote_simulation(connection, remote)?;
     match connection.sim {
-        Some(_) if remote.is_named() => Err(Failure::usage(
-            "--url and --sim cannot be combined: a service has its own robot",
-        )),
         Some(_) => Ok(None),
         None => find_run_of_target(settings, connection.robot.as_ref(), remote),
     }
 }
 
-/// The run that uses this robot; without one, the service that the command line or the config
-/// names, the run that uses the config's robot, or else the only run.
+/// The service that the command line or the config names. `None` with `--sim` or a robot.
 ///
 /// # Errors
-/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached;
-/// several runs are active and no robot was named.
+/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached.
+pub(super) fn find_service(
+    settings: &SettingsArgs,
+    connection: &ConnectionArgs,
+    remote: &RemoteArgs,
+) -> Result<Option<Client>, Failure> {
+    refuse_remote_simulation(connection, remote)?;
+    match connection.sim {
+        Some(_) => Ok(None),
+        None => service_of(settings, connection.robot.as_ref(), remote),
+    }
+}
+
+fn refuse_remote_simulation(
+    connection: &ConnectionArgs,
+    remote: &RemoteArgs,
+) -> Result<(), Failure> {
+    if connection.sim.is_some() && remote.is_named() {
+        return Err(Failure::usage(
+            "--url and --sim cannot be combined: a service has its own robot",
+        ));
+    }
+    Ok(())
+}
+
+fn service_of(
+    settings: &SettingsArgs,
+    robot: Option<&Target>,
+    remote: &RemoteArgs,
+) -> Result<Option<Client>, Failure> {
+    match robot {
+        Some(_) if remote.is_named() => Err(Failure::usage(
+            "--url and --robot cannot be combined: a service has its own robot",
+        )),
+        Some(_) => Ok(None),
+        None => remote.client(settings),
+    }
+}
+
+/// The run that uses this robot; without one, the service that the command line or the config
+/// names, the run that uses the config's robot, or else the only run.
 pub(super) fn find_run_of_target(
     settings: &SettingsArgs,
     robot: Option<&Target>,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
-    if robot.is_some() && remote.is_named() {
-        return Err(Failure::usage(
-            "--url and --robot cannot be combined: a service has its own robot",
-        ));
-    }
-    if robot.is_none()
-        && let Some(service) = remote.client(settings)?
-    {
+    if let Some(service) = service_of(settings, robot, remote)? {
         return Ok(Some(service));
     }
     let config = settings.config()?;
@@ -120,7 +144,7 @@ pub(super) fn find_run_of_target(
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
     if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| uses_robot(run, target));
+        runs.retain(|run| uses_robot(&run.overview, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
@@ -130,19 +154,16 @@ pub(super) fn find_run_of_target(
 }
 
 /// Whether the run uses this robot: compares the name given to the run, and the connected address.
-fn uses_robot(run: &Client, target: &Target) -> bool {
+pub(super) fn uses_robot(run: &Overview, target: &Target) -> bool {
     let target = target.to_string();
     let address = |text: &str| text.parse::<SocketAddr>().ok();
-    let connected = run.overview.robot.as_ref();
+    let connected = run.robot.as_ref();
     let connected = connected.and_then(|robot| address(&robot.address));
-    run.overview.target == target || (connected.is_some() && connected == address(&target))
+    run.target == target || (connected.is_some() && connected == address(&target))
 }
 
 /// Sends a request to a run and waits for its reply, at most `limit`. `None` if interrupted; then
 /// the run cancels the request.
-///
-/// # Errors
-/// The run does not answer, its robot cannot be reached, or it refuses the request.
 pub(super) fn ask(
     run: &Client,
     request: &RunRequest,
@@ -168,6 +189,9 @@ pub(super) fn ask(
         }
         Some(RunResponse::Refused(why)) => {
             let what = format!("the run ({name}) refused the request: {why}");
+            if why == STOP_HOLDS {
+                return Err(Failure::new(Exit::Safety, what));
+            }
             Err(Failure::new(Exit::Failed, what)
                 .help("`spykee status` shows its state, `spykee behaviour list` its behaviours"))
         }

@@ -1,4 +1,4 @@
-//! `spykee schedule`: lists the timetable's coming starts, and those that will not happen and why.
+//! `spykee config schedule`: lists the timetable's coming starts, and those that will not happen and why.
 
 use jiff::Timestamp;
 use serde_json::{Value, json};
@@ -22,7 +22,7 @@ const HEAD: [(&str, Side); 4] = [
 /// Reads only the config: it does not know whether the robot will be in reach or what people will
 /// start in the meantime.
 #[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
+#[command(after_help = "Example: spykee config schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
     /// Number of starts to show
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = argument::whole::<u16>(1..=1000))]
@@ -41,9 +41,6 @@ pub(super) struct ScheduleArgs {
 }
 
 /// Prints the predicted starts.
-///
-/// # Errors
-/// A config that cannot be used.
 pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let table = config.timetable();

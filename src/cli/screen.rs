@@ -12,7 +12,6 @@ const CONTINUATION: &str = "\n  ";
 pub(super) struct Features {
     /// Whether a line can be redrawn in place.
     pub(super) redraw: bool,
-    /// Whether to use colours.
     pub(super) colour: bool,
 }
 

@@ -16,7 +16,6 @@ pub(super) struct ScriptChecker {
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
-/// A file to check.
 struct File {
     source: Vec<u8>,
     options: Options,
@@ -41,9 +40,6 @@ impl ScriptChecker {
     }
 
     /// Checks a behaviour's own file, then its modules.
-    ///
-    /// # Errors
-    /// A file that crashed its inspector.
     pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
@@ -94,7 +90,7 @@ impl ScriptChecker {
     /// has already reported modules that do not exist.
     fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Diagnostic]) {
         let chunk = file.options.chunk.as_str();
-        let refused = module.refused((&file.source, chunk), why);
+        let refused = module.refused(&file.source, chunk, why);
         let known = |one: &Diagnostic| {
             let mut found = found.iter();
             found.any(|other| (other.line, other.column) == (one.line, one.column))

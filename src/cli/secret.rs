@@ -88,9 +88,6 @@ fn read_pipe(number: &OsStr) -> Option<Vec<u8>> {
 }
 
 /// The password from the environment, if it is set.
-///
-/// # Errors
-/// It is not UTF-8. The error does not contain the password.
 pub(super) fn from_environment() -> Result<Option<String>, Failure> {
     let given = PASSWORD
         .lock()
@@ -102,9 +99,6 @@ pub(super) fn from_environment() -> Result<Option<String>, Failure> {
 }
 
 /// The password from systemd: the credential `password` of a service's unit, if any.
-///
-/// # Errors
-/// It cannot be read, or its first line is empty.
 pub(super) fn from_credential() -> Result<Option<String>, Failure> {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
     let path = folder.map(|folder| Path::new(&folder).join("password"));
@@ -120,9 +114,6 @@ pub(super) fn from_credential() -> Result<Option<String>, Failure> {
 
 /// The first line of a file that the command line or the environment names. It may also be a pipe,
 /// since the person who starts this program has chosen it.
-///
-/// # Errors
-/// It cannot be read, or its first line is empty.
 pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     if files::is_shared(path) {
         let path = path.display();
@@ -137,9 +128,6 @@ pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
 
 /// The first line of a file that the config names. It must be a short regular file; for a config
 /// that was found in the current folder (`found_config`), not named, see [`from_found_file`].
-///
-/// # Errors
-/// It cannot be read, its first line is empty, or this config may not name it.
 pub(super) fn from_configured_file(
     path: &Path,
     found_config: Option<&Path>,
@@ -159,9 +147,6 @@ pub(super) fn from_configured_file(
 /// a config may have come from anywhere. So the file must be in the config's folder or below, and
 /// readable only by this user; otherwise its first line could be sent to any robot that the config
 /// names.
-///
-/// # Errors
-/// The file is elsewhere, other users can read it, it cannot be read, or its first line is empty.
 fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     let folder = match config.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -8,29 +8,23 @@ use std::sync::Arc;
 
 use jiff::Timestamp;
 use tokio::sync::{Notify, mpsc, watch};
-use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use self::service_plan::{LoadedPlan, PlanLoader};
-use super::embedded::{EmbeddedSim, Simulated};
+use super::assembly::{Assembly, RunParts, RunSetup};
 use super::interrupt::{handle_service_signals, listen};
-use super::live::PageInputs;
 use super::privileges::drop_root;
-use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
+use super::robot_target::robot_choice;
 use super::settings::SettingsArgs;
-use super::startup::{self, driving_core, heartbeat, rescue, show};
-use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
-use crate::agent::{Agent, AgentError, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected};
+use super::startup::{self, show};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker};
+use crate::agent::{AgentError, Outcome};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
-use crate::control::{self, ControlServer, EmergencyStop};
 use crate::journal::When;
-use crate::link::Target;
-use crate::live::{RunDefinition, SimulatedRobot};
-use crate::mqtt::Account;
+use crate::live::RunDefinition;
 use crate::service::{ManagerNotifier, RecordFile, Service, View};
-use crate::sim::Handle;
+use crate::sim::Firmware;
 use crate::timetable::Record;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
@@ -44,7 +38,7 @@ use crate::timetable::Record;
 #[command(
     after_help = "Examples:\n  spykee serve --config /etc/spykee/spykee.yaml\n  \
                         spykee serve --sim --date \"2026-03-29 01:59\"\n\n\
-                  `spykee schedule` lists the coming starts, `spykee service` creates a systemd unit."
+                  `spykee config schedule` lists the coming starts, `spykee service` creates a systemd unit."
 )]
 pub(super) struct ServeArgs {
     #[command(flatten)]
@@ -82,9 +76,6 @@ pub(super) struct ServeArgs {
 }
 
 /// Serves until a signal ends it.
-///
-/// # Errors
-/// Anything that prevents the service from starting: files, config; a login that the robot refuses.
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     let choice = robot_choice(&args.connection, &config)?;
@@ -96,7 +87,50 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loader = PlanLoader {
+    let loader = plan_loader(args, console, seed, clock);
+    let loaded = loader.load(&config)?;
+    if args.fast {
+        return fast::serve(args, choice, login, &config, loaded, seed, console);
+    }
+    let record = RecordFile::open(config.data_folder());
+    let beats = Arc::new(Notify::new());
+    let (definition, shown) = watch::channel(loaded.definition.clone());
+    let assembly = Assembly::new(RunSetup {
+        settings: args.settings.load()?,
+        choice,
+        login,
+        seed,
+        firmware: Firmware::default(),
+        waits: true,
+        waits_for_reset: true,
+        keeps_journal: config.journal.record != When::Off,
+        clock,
+        names: "serves".to_owned(),
+        behaviours: Vec::new(),
+        specs: loaded.service_plan.specs.clone(),
+        stays: true,
+        limit: args.limit.map(Span::get),
+        page: config.live.listen.map(|_| shown),
+        beats: Some(beats.clone()),
+    })?;
+    let outcome = assembly.run(async |parts| {
+        let parts = ServiceParts {
+            parts,
+            clock,
+            record,
+            beats,
+            loader,
+            config,
+            loaded,
+            definition,
+        };
+        serve(parts, console).await
+    });
+    exit(outcome?)
+}
+
+fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> PlanLoader {
+    PlanLoader {
         settings: args.settings.clone(),
         checked: !args.no_check,
         seed,
@@ -107,158 +141,46 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         } else {
             Zone::system()
         },
-    };
-    let loaded = loader.load(&config)?;
-    if args.fast {
-        return fast::serve(args, choice, login, &config, loaded, seed, console);
     }
-    let runtime = startup::runtime()?;
-    let kind = Simulated {
-        faults: config.live.listen.is_some(),
-        ..Simulated::default()
-    };
-    let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
-    startup::warn_of_unpaid_stop(&config);
-    let server = ControlServer::open(config.data_folder());
-    let emergency_stop = startup::emergency_stop(&config, simulated);
-    let record = RecordFile::open(config.data_folder());
-    let core = driving_core()?;
-    let bus = Bus::default();
-    let attempts = ConnectAttempts::default();
-    let beats = Arc::new(Notify::new());
-    let plan = Plan {
-        behaviours: Vec::new(),
-        specs: loaded.service_plan.specs.clone(),
-        stays: true,
-        settings: config.pilot(simulated, seed),
-        connector: retry_until_connected(
-            connector(target.clone(), login, config.link.clone()),
-            config.link.clone(),
-            seed,
-            attempts.clone(),
-        ),
-        launcher: startup::launcher()?,
-        core: core.handle().clone(),
-        heartbeat: Some(
-            heartbeat(simulated, startup::guardian_files(&config))?.notify_beats(beats.clone()),
-        ),
-        rescue: rescue(&config, seed)?,
-        limit: args.limit.map(Span::get),
-        bus: bus.clone(),
-    };
-    let journal = match config.journal.record {
-        When::Off => None,
-        _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
-    };
-    let account = broker::of_run(args.settings.load()?)?;
-    let (definition, shown) = watch::channel(loaded.definition.clone());
-    let page = config
-        .live
-        .listen
-        .map(|_| PageInputs::new(&config, shown, &bus));
-    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
-    let notifier = notify::start(args.settings.load()?, &bus)?;
-    let line = StatusLine::new(
-        "serves".to_owned(),
-        sim.as_ref().map(EmbeddedSim::handle),
-        attempts,
-    );
-    let outcome = runtime.block_on(serve(
-        ServiceParts {
-            plan,
-            clock,
-            record,
-            server,
-            emergency_stop: emergency_stop.clone(),
-            target,
-            beats,
-            loader,
-            config,
-            loaded,
-            page,
-            definition,
-            account,
-            line,
-        },
-        console,
-    ));
-    drop(core);
-    runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    emergency_stop.finish(startup::JOURNAL_END);
-    journal.map(|journal| journal.finish(startup::JOURNAL_END));
-    notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
-    drop(sim);
-    exit(outcome?)
 }
 
 /// The parts needed to run a service.
 struct ServiceParts {
-    plan: Plan,
+    parts: RunParts,
     clock: Clock,
     record: (Record, Option<RecordFile>),
-    server: std::io::Result<ControlServer>,
-    emergency_stop: EmergencyStop,
-    target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
     loader: PlanLoader,
     config: Config,
     loaded: LoadedPlan,
-    page: Option<(PageInputs, Option<Handle>)>,
     /// What the page knows of the behaviours.
     definition: watch::Sender<RunDefinition>,
-    account: Option<Account>,
-    line: StatusLine,
 }
 
 async fn serve(
-    parts: ServiceParts,
+    service: ServiceParts,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let ended_by_person = CancellationToken::new();
-    let stop = ended_by_person.child_token();
-    let core = parts.plan.core.clone();
-    let settings = parts.plan.settings.clone();
-    let bus = parts.plan.bus.clone();
-    let (agent, status) = Agent::new(parts.plan);
-    parts.emergency_stop.restore(&agent.requests());
+    let stop = CancellationToken::new();
     let hangup = listen(libc::SIGHUP)?;
-    handle_service_signals(&core, agent.requests(), stop.clone())?;
     let (view, seen) = View::channel();
-    let run_handle = control::Run {
-        requests: agent.requests(),
-        roster: agent.roster(),
-        status: status.clone(),
-        pictures: agent.pictures(),
-        reactions: agent.reactions(),
-        stop: ended_by_person.clone(),
-        emergency_stop: parts.emergency_stop,
-        streams: settings.streams,
-        target: parts.target.to_string(),
-        simulated: settings.simulated,
-        began: Instant::now(),
-        view: seen,
-    };
+    let started = (service.parts).start(&stop, None, handle_service_signals, seen, console)?;
     let (reload, reloads) = mpsc::channel(1);
-    let page = parts
-        .page
-        .map(|(page, sim)| page.serve(run_handle.clone(), sim.map(SimulatedRobot::from), console));
-    let _page = page.transpose()?;
-    let mqtt = broker::start(&bus, &run_handle, parts.account);
     let notifier = ManagerNotifier::of_environment();
-    let service = Service {
-        agent,
-        status: status.clone(),
-        clock: parts.clock,
-        service_plan: parts.loaded.service_plan.clone(),
-        record: parts.record,
+    let running = Service {
+        agent: started.agent,
+        status: started.status.clone(),
+        clock: service.clock,
+        service_plan: service.loaded.service_plan.clone(),
+        record: service.record,
         notifier: notifier.clone(),
-        bus,
+        bus: started.bus,
         view,
         reloads,
-        ended_by_person,
     };
-    let line = parts.line;
+    let line = started.line;
+    let status = started.status;
     let showing = async {
         match console.has_status_line() {
             true => show(line, status, console).await,
@@ -266,18 +188,24 @@ async fn serve(
             false => std::future::pending().await,
         }
     };
-    let now = (parts.config, parts.loaded);
-    let reloading = parts
-        .loader
-        .reload_on_hangup(hangup, reload, parts.definition, now);
+    let definition = service.definition;
+    let reloading = (service.loader).reload_on_hangup(
+        hangup,
+        reload,
+        definition,
+        service.config,
+        service.loaded,
+    );
     let outcome = tokio::select! {
-        outcome = service.run(stop) => outcome,
+        outcome = running.run(stop) => outcome,
         never = showing => match never {},
-        never = startup::serve(parts.server, run_handle) => match never {},
-        never = notifier.pass_on(parts.beats) => match never {},
+        never = startup::serve(started.server, started.run) => match never {},
+        never = notifier.pass_on(service.beats) => match never {},
         never = reloading => match never {},
     };
-    mqtt.map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
+    started
+        .mqtt
+        .map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
     Ok(outcome)
 }
 

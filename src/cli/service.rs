@@ -68,9 +68,6 @@ struct UnitArgs {
 }
 
 /// Prints or writes the unit.
-///
-/// # Errors
-/// Relative paths, a file that exists or cannot be written.
 pub(super) fn run(args: &ServiceArgs) -> Result<Exit, Failure> {
     match &args.action {
         Action::Print(unit) => print(&unit.text()?)?,

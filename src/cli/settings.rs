@@ -61,9 +61,6 @@ impl SettingsArgs {
     }
 
     /// The settings with their origins; the first call reads them.
-    ///
-    /// # Errors
-    /// A config or variable that cannot be used.
     pub(super) fn load(&self) -> Result<&Effective, Failure> {
         let named = self.config.as_deref();
         let read = self.read.get_or_init(|| Arc::new(Effective::load(named)));
@@ -71,9 +68,6 @@ impl SettingsArgs {
     }
 
     /// The settings without their origins.
-    ///
-    /// # Errors
-    /// See [`SettingsArgs::load`].
     pub(super) fn config(&self) -> Result<&Config, Failure> {
         Ok(&self.load()?.config)
     }

@@ -8,16 +8,28 @@ use tokio::time::interval;
 
 use super::embedded::load;
 use super::interrupt::interruption;
-use super::world::WorldParser;
+use super::world::{self, WorldAction, WorldParser};
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
 use crate::sim::{Fault, Firmware, Handle, Options, Server, State, World};
 
 /// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
 
-/// Serve a simulated robot to any Spykee client
+/// Serve a simulated robot to any Spykee client; draw, list or check its worlds
+///
+/// Without a subcommand it serves.
 #[derive(Debug, Clone, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct SimArgs {
+    #[command(subcommand)]
+    action: Option<WorldAction>,
+
+    #[command(flatten)]
+    server: ServerArgs,
+}
+
+#[derive(Debug, Clone, clap::Args)]
+struct ServerArgs {
     /// World file, or the name of a built-in world [default: living_room]
     #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
     world: Option<PathBuf>,
@@ -42,11 +54,12 @@ pub(super) struct SimArgs {
     login: LoginArgs,
 }
 
-/// Serves until interrupted.
-///
-/// # Errors
-/// A world that cannot be used; an address that cannot be listened on.
+/// Serves until interrupted, or looks at worlds.
 pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
+    if let Some(action) = &args.action {
+        return world::run(action);
+    }
+    let args = &args.server;
     let world = load(args.world.as_deref())?;
     let faults = args.faults.as_deref().map(load_faults).transpose()?;
     let options = Options {
@@ -134,9 +147,6 @@ pub(super) struct FirmwareArgs {
 
 impl FirmwareArgs {
     /// Loads the firmware from the file, or returns the default.
-    ///
-    /// # Errors
-    /// An invalid file; the error says what is wrong and where.
     pub(super) fn load(&self) -> Result<Firmware, Failure> {
         let Some(path) = &self.firmware else {
             return Ok(Firmware::default());
@@ -147,9 +157,6 @@ impl FirmwareArgs {
     }
 
     /// Refuses the flag for a real robot, which has its own firmware.
-    ///
-    /// # Errors
-    /// The flag was given and the robot is not simulated.
     pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
         if simulated || self.firmware.is_none() {
             return Ok(());

@@ -26,7 +26,6 @@ pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// Time limit for the journal to write its queue at the end.
 pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 
-/// A runtime on this thread.
 pub(super) fn runtime() -> Result<Runtime, Failure> {
     let runtime = Builder::new_current_thread().enable_all().build();
     runtime.map_err(|error| Failure::io("start the runtime", error))
@@ -41,23 +40,24 @@ pub(super) fn launcher() -> Result<Launcher, Failure> {
 pub(super) fn journal(
     config: &Config,
     bus: &Bus,
-    (target, simulated): &(String, bool),
+    target: &str,
+    simulated: bool,
     clock: Clock,
 ) -> Option<Journal> {
     let about = journal::RunInfo {
-        target: target.clone(),
-        simulated: *simulated,
+        target: target.to_owned(),
+        simulated,
     };
     let started = Journal::start(bus, config.data_folder(), config.journal, about, clock);
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
 /// A person's STOP, kept in the data folder unless the robot is simulated in this program.
-pub(super) fn emergency_stop(config: &Config, simulated: bool) -> EmergencyStop {
+pub(super) fn emergency_stop(config: &Config, simulated: bool, bus: &Bus) -> EmergencyStop {
     if simulated {
-        EmergencyStop::default()
+        EmergencyStop::simulated(bus)
     } else {
-        EmergencyStop::open(config.data_folder())
+        EmergencyStop::open(config.data_folder(), bus)
     }
 }
 
@@ -68,9 +68,6 @@ pub(super) fn is_stopped(config: &Config, simulated: bool) -> bool {
 }
 
 /// Refuses to drive while a person's STOP holds.
-///
-/// # Errors
-/// See [`is_stopped`].
 pub(super) fn refuse_if_stopped(config: &Config, simulated: bool) -> Result<(), Failure> {
     if !is_stopped(config, simulated) {
         return Ok(());

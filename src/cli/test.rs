@@ -68,7 +68,6 @@ pub(super) struct TestArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// A file to test.
 struct TestFile {
     file: PathBuf,
     scenario_file: Result<ScenarioFile, ScenarioFileError>,
@@ -115,21 +114,25 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         }
     })?;
     trouble?;
-    if let Some(path) = &args.junit {
-        let written = std::fs::write(path, report::junit(&report)?);
-        written.map_err(|error| Failure::unwritable(path, error))?;
-    }
     console.status("");
-    if args.json {
-        print(&format!("{:#}\n", report.json()))?
-    } else {
-        print(&format!("{}{}", report.completed_files(), report.summary()))?
-    }
+    write_report(args, &mut report)?;
     Ok(match (stop.is_cancelled(), report.has_failed()) {
         (true, _) => Exit::Interrupted,
         (false, true) => Exit::Check,
         (false, false) => Exit::Done,
     })
+}
+
+fn write_report(args: &TestArgs, report: &mut Report) -> Result<(), Failure> {
+    if let Some(path) = &args.junit {
+        let written = std::fs::write(path, report::junit(report)?);
+        written.map_err(|error| Failure::unwritable(path, error))?;
+    }
+    if args.json {
+        print(&format!("{:#}\n", report.json()))
+    } else {
+        print(&format!("{}{}", report.completed_files(), report.summary()))
+    }
 }
 
 fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
@@ -219,9 +222,6 @@ const MAX_DEPTH: u32 = 16;
 
 /// Collects a file as it is, and all scenario files of a folder in alphabetical order. Skips hidden
 /// folders, `target` folders and symbolic links to folders.
-///
-/// # Errors
-/// A path that does not exist or cannot be read.
 fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let cannot = |error| Failure::unreadable(path, error);
     if std::fs::metadata(path).map_err(cannot)?.is_dir() {

@@ -55,9 +55,6 @@ enum Wanted {
 }
 
 /// Runs the subcommand.
-///
-/// # Errors
-/// A config or token file that cannot be used; a name that is already used or unknown.
 pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;

@@ -1,4 +1,4 @@
-//! `spykee world`: draws, lists and checks worlds.
+//! `spykee sim show|list|check`: draws, lists and checks worlds.
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
@@ -11,15 +11,9 @@ use super::embedded::load;
 use super::{Exit, Failure, print};
 use crate::sim::{Handle, World};
 
-/// Draw maps of simulated worlds, list the built-in worlds, check world files
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct WorldArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
+/// What to do with worlds.
 #[derive(Debug, Clone, clap::Subcommand)]
-enum Action {
+pub(super) enum WorldAction {
     /// Draw the map of a world
     Show {
         /// World file, or the name of a built-in world [default: living_room]
@@ -45,9 +39,6 @@ enum Action {
 }
 
 /// Parses the name of a file that ends in `.png`.
-///
-/// # Errors
-/// Another ending.
 pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
     let path = PathBuf::from(text);
     let ending = path.extension().unwrap_or_default();
@@ -58,17 +49,14 @@ pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
 }
 
 /// Shows, lists or checks worlds.
-///
-/// # Errors
-/// A world that cannot be used, a picture that cannot be written.
-pub(super) fn run(args: &WorldArgs) -> Result<Exit, Failure> {
-    match &args.action {
-        Action::Show {
+pub(super) fn run(action: &WorldAction) -> Result<Exit, Failure> {
+    match action {
+        WorldAction::Show {
             world, yaml: true, ..
         } => show_yaml(world.as_deref()),
-        Action::Show { world, output, .. } => show(world.as_deref(), output),
-        Action::List => list(),
-        Action::Check { worlds } => check(worlds),
+        WorldAction::Show { world, output, .. } => show(world.as_deref(), output),
+        WorldAction::List => list(),
+        WorldAction::Check { worlds } => check(worlds),
     }
 }
 
@@ -101,9 +89,6 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 }
 
 /// Writes a picture.
-///
-/// # Errors
-/// The file cannot be written; the error names it and the system's reason.
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
@@ -164,9 +149,6 @@ pub(super) struct TraceFile(PathBuf);
 
 impl TraceFile {
     /// Creates the file, so that an invalid name is reported before the robot moves.
-    ///
-    /// # Errors
-    /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<TraceFile, Failure> {
         let made = std::fs::File::create(path);
         made.map_err(|error| Failure::unwritable(path, error))?;
@@ -174,9 +156,6 @@ impl TraceFile {
     }
 
     /// Draws this robot's path and events so far.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub(super) fn write(&self, sim: &Handle) -> Result<(), Failure> {
         save(&sim.trace().draw(sim.world()), &self.0)?;
         tracing::info!("the robot's path is drawn in {}", self.0.display());

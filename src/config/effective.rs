@@ -40,7 +40,6 @@ const OTHER_PREFIXES: [&str; 5] = [
 pub struct Setting {
     /// Names joined by dots; elements of lists in brackets.
     pub key: String,
-    /// The value.
     pub value: Value,
     /// Where the value comes from: the file's path, the variable, or `default`.
     pub origin: String,
@@ -49,7 +48,6 @@ pub struct Setting {
 /// Settings with their origins.
 #[derive(Debug, Clone, Default)]
 pub struct Effective {
-    /// The settings.
     pub config: Config,
     /// The file from which they were read, and its text.
     pub file: Option<(PathBuf, String)>,
@@ -62,9 +60,6 @@ pub struct Effective {
 impl Effective {
     /// Loads the settings from the named file, or else from `$SPYKEE_CONFIG`, or else from
     /// `spykee.yaml` in the current folder if it exists, and the robot from `$SPYKEE_ROBOT`.
-    ///
-    /// # Errors
-    /// See [`ConfigError`].
     pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
         let mut effective = Effective::load_file(named)?;
         effective.apply_environment(std::env::vars_os())?;
@@ -72,9 +67,6 @@ impl Effective {
     }
 
     /// Loads the settings from the same file as [`Effective::load`], but not from variables.
-    ///
-    /// # Errors
-    /// See [`ConfigError`].
     pub fn load_file(named: Option<&Path>) -> Result<Effective, ConfigError> {
         let mut effective = Effective::default();
         let path = match chosen(named) {

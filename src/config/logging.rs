@@ -1,12 +1,10 @@
 //! The `logging:` section: options of the log.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
-
-use crate::robot::whole_within;
+use serde::{Deserialize, Serialize};
 
 /// Options of the log on stderr.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Logging {
     /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
@@ -17,27 +15,6 @@ pub struct Logging {
     pub time: Time,
     /// When lines are coloured; `NO_COLOR` overrides `auto`.
     pub colour: When,
-    /// Maximum number of bytes written per day, of which a 24th may be used at once [default: 256
-    /// MiB]. Lines beyond it are dropped and counted.
-    #[serde(deserialize_with = "bytes_a_day")]
-    pub bytes_a_day: u64,
-}
-
-impl Default for Logging {
-    fn default() -> Logging {
-        Logging {
-            level: Level::default(),
-            format: Format::default(),
-            time: Time::default(),
-            colour: When::default(),
-            bytes_a_day: 256 << 20,
-        }
-    }
-}
-
-fn bytes_a_day<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
-    let words = "a whole number of bytes, 1048576 to 2^50";
-    whole_within(from, words, (1 << 20)..=(1 << 50))
 }
 
 /// The lowest level that is logged.

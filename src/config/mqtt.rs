@@ -78,12 +78,7 @@ pub enum MqttError {
         "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single slashes in \
          between, at most {LONGEST_PREFIX} characters"
     )]
-    Prefix {
-        /// The key of the prefix.
-        key: &'static str,
-        /// The prefix as written.
-        prefix: String,
-    },
+    Prefix { key: &'static str, prefix: String },
     /// `keep_alive` is too short.
     #[error("mqtt.keep_alive: expected at least 1 second")]
     KeepAlive,
@@ -97,9 +92,6 @@ pub enum MqttError {
 
 impl Mqtt {
     /// Checks the rules that the types of the fields do not enforce.
-    ///
-    /// # Errors
-    /// See [`MqttError`].
     pub fn check(&self) -> Result<(), MqttError> {
         for (key, prefix) in [
             ("prefix", &self.prefix),

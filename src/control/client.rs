@@ -7,13 +7,21 @@ use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::timeout;
 
-use super::folder::Folder;
+use super::folder::{Folder, guardian_socket};
 use super::pipe::Pipe;
 use super::request::{Overview, RunRequest, RunResponse};
 use super::web::Remote;
+use crate::guardian;
+use crate::robot::StopOutcome;
 
 /// Timeout for a run's reply to [`RunRequest::Overview`].
 const OVERVIEW_TIMEOUT: Duration = Duration::from_secs(3);
+/// How long a run may take to show that it does not hang.
+const ALIVE_TIMEOUT: Duration = Duration::from_secs(1);
+/// Timeout for a guardian's answer.
+const GUARDIAN_TIMEOUT: Duration = Duration::from_secs(1);
+/// Timeout for a run's reply to [`RunRequest::Stop`], which waits for the robot.
+const STOP_TIMEOUT: Duration = Duration::from_secs(4);
 /// The same for a run on another computer, including name resolution and login.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 
@@ -40,7 +48,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     };
     let mut clients = Vec::new();
     let mut silent = 0;
-    for stream in folder.connect_all() {
+    for (_, stream) in folder.connect_all() {
         match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
             Ok(RunResponse::Overview(overview)) => clients.push(Client {
                 transport: Transport::Socket(data.to_owned()),
@@ -52,6 +60,85 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
         }
     }
     (clients, silent)
+}
+
+/// How a run answered a STOP.
+#[derive(Debug)]
+pub struct StoppedRun {
+    /// Its process ID.
+    pub pid: u32,
+    /// Its state just before; `None` if it hangs.
+    pub overview: Option<Overview>,
+    /// Its answer, or that of its guardian.
+    pub answer: StopAnswer,
+}
+
+/// Who answered a STOP for a run.
+#[derive(Debug)]
+pub enum StopAnswer {
+    /// The run.
+    Run {
+        /// What is known of it.
+        outcome: StopOutcome,
+        /// Whether the run ends now; a service goes on.
+        ends: bool,
+    },
+    /// The run hangs; its guardian stops the robot.
+    Guardian(guardian::StopAnswer),
+    /// Neither the run, for this reason, nor its guardian.
+    Nobody(AskError),
+}
+
+/// Presses STOP at all runs of this data folder whose state passes `chosen`, at the same time. One
+/// that hangs delays no other one, and takes two seconds at most. It is stopped in any case: nobody
+/// knows which robot it uses.
+pub async fn stop_runs(data: &Path, chosen: impl Fn(&Overview) -> bool) -> Vec<StoppedRun> {
+    let Ok(folder) = Folder::open(data) else {
+        return vec![];
+    };
+    let runs = folder.connect_all().into_iter();
+    let runs = runs.map(|(pid, stream)| stop_run(data, &folder, pid, stream, &chosen));
+    let stopped = futures_util::future::join_all(runs).await;
+    stopped.into_iter().flatten().collect()
+}
+
+/// `None` if it is not chosen, or has ended.
+async fn stop_run(
+    data: &Path,
+    folder: &Folder,
+    pid: u32,
+    stream: std::os::unix::net::UnixStream,
+    chosen: &impl Fn(&Overview) -> bool,
+) -> Option<StoppedRun> {
+    let stop = async |limit| ask(folder.connect_to(pid)?, &RunRequest::Stop, limit).await;
+    let overview = match ask(stream, &RunRequest::Overview, ALIVE_TIMEOUT).await {
+        Ok(RunResponse::Overview(overview)) if !chosen(&overview) => return None,
+        Ok(RunResponse::Overview(overview)) => Some(*overview),
+        Ok(_) | Err(AskError::Ended) => return None,
+        Err(_) => None,
+    };
+    let (asked, guardian) = if overview.is_some() {
+        (stop(STOP_TIMEOUT).await, None)
+    } else {
+        // The run finds this request, and holds the robot, when it continues.
+        let socket = guardian_socket(data, pid);
+        let guardian = tokio::task::spawn_blocking(move || guardian::request_stop(&socket));
+        tokio::join!(stop(GUARDIAN_TIMEOUT), async {
+            let answer = timeout(GUARDIAN_TIMEOUT, guardian).await;
+            answer.ok()?.ok()?.ok()
+        })
+    };
+    let answer = match (asked, guardian) {
+        (Ok(RunResponse::Stopped { outcome, ends }), _) => StopAnswer::Run { outcome, ends },
+        (_, Some(answer)) if answer != guardian::StopAnswer::Alive => StopAnswer::Guardian(answer),
+        (Err(AskError::Ended) | Ok(_), _) => return None,
+        (Err(why), _) => StopAnswer::Nobody(why),
+    };
+    Some(StoppedRun {
+        pid,
+        overview,
+        answer,
+    })
 }
 
 impl Client {

@@ -1,47 +1,79 @@
-//! A person's STOP, and the file in the data folder that keeps it for the next program: whatever
-//! ends this one, STOP holds until a person releases it. A separate thread writes the file; a slow
-//! or full disk delays nothing, and STOP holds in this program all the same.
+//! A person's STOP: the robot stands until a person releases it, in this program and in the next one
+//! of its data folder.
+//!
+//! A spare file, made at the start, is renamed to `.stop`: that needs no free block and takes
+//! microseconds, so a STOP is kept before it is answered. A thread of its own does this, since a
+//! disk may hang; the answer waits for it at most [`KEEP_LIMIT`], the robot not at all.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{mpsc, watch};
+use rustix::process::{Pid, test_kill_process};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::time::timeout;
 use tracing::warn;
 
 use crate::files::Folder;
 use crate::robot::channel::Request;
+use crate::robot::{AgentEvent, Bus, StopKept};
 
 /// Name of the file. Its presence is the STOP; the text is for people.
 const NAME: &str = ".stop";
 const TEXT: &[u8] =
     b"A person has stopped the robot. To release it, use the page or `spykee robot reset-stop`.\n";
-/// Time until a failed write is retried.
+/// Beginning of the spare files' names; the process ID follows.
+const SPARE: &str = ".stop-spare-";
+/// Longest wait for the disk before an answer.
+const KEEP_LIMIT: Duration = Duration::from_secs(1);
+/// Time until a failed write is retried, and between two checks whether the file is still there.
 const AGAIN: Duration = Duration::from_secs(10);
-/// How often to check at the end whether the file is written.
+/// The same while no STOP holds and nothing has failed.
+const IDLE: Duration = Duration::from_secs(3600);
+/// How often to check at the end whether the thread is done.
 const RECHECK: Duration = Duration::from_millis(10);
+/// Maximum number of waiting jobs. If the disk hangs, more would not help.
+const MAX_JOBS: usize = 8;
 
-/// A default one has no file, for simulations.
+/// A person's STOP. All clones are one.
 #[derive(Debug, Clone, Default)]
 pub struct EmergencyStop {
     on: watch::Sender<bool>,
-    /// The thread that writes the file.
-    writer: Option<Writer>,
+    /// Learns who pressed and who released.
+    bus: Bus,
+    /// Without one, as in simulations, STOP ends with its program.
+    file: Option<StopFileHandle>,
 }
 
 #[derive(Debug, Clone)]
-struct Writer {
-    /// Wakes it.
-    changes: SyncSender<()>,
+struct StopFileHandle {
+    jobs: SyncSender<Job>,
     /// Whether the file is there; unknown after an error.
     kept: watch::Receiver<Option<bool>>,
 }
 
+/// Work of the thread.
+#[derive(Debug)]
+enum Job {
+    /// Make the file as wanted.
+    Sync(oneshot::Sender<io::Result<()>>),
+    /// The same, and remove the spare file: the program ends.
+    Close(oneshot::Sender<io::Result<()>>),
+}
+
 impl EmergencyStop {
-    /// Reads the file in this data folder, and starts the thread that writes it. Blocks on the
-    /// disk: must not be called on the driving core.
-    pub fn open(data: &Path) -> EmergencyStop {
+    /// The STOP of a robot that is simulated in this program.
+    pub fn simulated(bus: &Bus) -> EmergencyStop {
+        EmergencyStop {
+            bus: bus.clone(),
+            ..EmergencyStop::default()
+        }
+    }
+
+    /// Reads the file in this data folder, and starts the thread that keeps it. Blocks on the disk:
+    /// must not be called on the driving core.
+    pub fn open(data: &Path, bus: &Bus) -> EmergencyStop {
         let kept = EmergencyStop::is_kept(data);
         if kept {
             let path = data.join(NAME);
@@ -52,20 +84,20 @@ impl EmergencyStop {
             );
         }
         let on = watch::Sender::new(kept);
-        let (changes, received) = sync_channel(1);
+        let (jobs, received) = sync_channel(MAX_JOBS);
         let file = StopFile::new(data, &on, kept);
-        let writer = Writer {
-            changes,
+        let handle = StopFileHandle {
+            jobs,
             kept: file.kept.subscribe(),
         };
-        let writing = std::thread::Builder::new().name("stop".into());
-        let started = writing.spawn(move || file.follow(&received));
-        if let Err(error) = &started {
+        let thread = std::thread::Builder::new().name("stop".into());
+        if let Err(error) = thread.spawn(move || file.follow(&received)) {
             warn!("STOP will hold in this program only: cannot start its thread: {error}");
         }
         EmergencyStop {
             on,
-            writer: started.is_ok().then_some(writer),
+            bus: bus.clone(),
+            file: Some(handle),
         }
     }
 
@@ -104,15 +136,6 @@ impl EmergencyStop {
         }
     }
 
-    /// Waits until the file is as wanted, at most this long. Blocks.
-    pub fn finish(&self, limit: Duration) {
-        let end = Instant::now() + limit;
-        let behind = |writer: &Writer| *writer.kept.borrow() != Some(self.is_on());
-        while self.writer.as_ref().is_some_and(behind) && Instant::now() < end {
-            std::thread::sleep(RECHECK);
-        }
-    }
-
     /// Whether STOP holds.
     pub fn is_on(&self) -> bool {
         *self.on.borrow()
@@ -123,20 +146,104 @@ impl EmergencyStop {
         self.on.subscribe()
     }
 
-    /// Sets or releases it, and tells the pilot, under one lock: if two people want the opposite,
-    /// the pilot and the file follow the same one last. Does not wait for the disk.
-    pub(super) fn set(&self, on: bool, tell_pilot: impl FnOnce()) {
-        let changed = self.on.send_if_modified(|was| {
-            tell_pilot();
-            std::mem::replace(was, on) != on
-        });
-        if let Some(writer) = &self.writer
-            && changed
-        {
-            // If the queue is full, the thread will see this change too.
-            let _ = writer.changes.try_send(());
+    /// Engages it, in the name of `by`: latches and tells the pilot at once, then waits until the
+    /// next program would hold it too, for a limited time.
+    pub async fn engage(&self, by: &str, tell_pilot: impl FnOnce()) -> StopKept {
+        if self.set(true, tell_pilot) {
+            self.bus
+                .publish(AgentEvent::StopEngaged { by: by.to_owned() });
+        }
+        let Some(file) = &self.file else {
+            return StopKept::WithProgram;
+        };
+        match file.sync().await {
+            Some(Ok(())) => StopKept::Yes,
+            Some(Err(error)) => StopKept::No(error.to_string()),
+            // It is kept already, and only the disk's answer to something else is missing.
+            None if *file.kept.borrow() == Some(true) => StopKept::Yes,
+            None => StopKept::NotYet,
         }
     }
+
+    /// Releases it, in the name of `by`: tells the pilot at once, then waits until the next program
+    /// would not hold it either, for a limited time.
+    ///
+    /// # Errors
+    /// The reason why the next program may hold the robot again.
+    pub async fn reset(&self, by: &str, tell_pilot: impl FnOnce()) -> Result<(), String> {
+        if self.set(false, tell_pilot) {
+            self.bus
+                .publish(AgentEvent::StopReset { by: by.to_owned() });
+        }
+        let Some(file) = &self.file else {
+            return Ok(());
+        };
+        let why = match file.sync().await {
+            Some(Ok(())) => return Ok(()),
+            Some(Err(error)) => error.to_string(),
+            None if *file.kept.borrow() == Some(false) => return Ok(()),
+            None => "the disk does not answer".to_owned(),
+        };
+        Err(format!(
+            "the robot may move again, but STOP may hold in the next program: {why}"
+        ))
+    }
+
+    /// Repeats to a pilot that was too busy what holds now.
+    pub(super) fn repeat(&self, place: mpsc::Permit<'_, Request>) {
+        self.on.send_if_modified(|on| {
+            place.send(Request::EmergencyStop(*on));
+            false
+        });
+    }
+
+    /// Sets or releases it, and tells the pilot, under one lock: if two people want the opposite,
+    /// the pilot and the file follow the same one last. Returns whether that changed anything.
+    fn set(&self, on: bool, tell_pilot: impl FnOnce()) -> bool {
+        self.on.send_if_modified(|was| {
+            tell_pilot();
+            std::mem::replace(was, on) != on
+        })
+    }
+
+    /// Waits until the file is as wanted and the spare one is gone, at most this long. Blocks. Call
+    /// it when nobody can press STOP any more.
+    pub fn finish(&self, limit: Duration) {
+        let Some(file) = &self.file else { return };
+        let end = Instant::now() + limit;
+        let (reply, mut done) = oneshot::channel();
+        let mut job = Some(Job::Close(reply));
+        while Instant::now() < end {
+            if let Some(waiting) = job.take() {
+                match file.jobs.try_send(waiting) {
+                    Ok(()) => {}
+                    Err(TrySendError::Full(waiting)) => job = Some(waiting),
+                    Err(TrySendError::Disconnected(_)) => return,
+                }
+            } else if !matches!(done.try_recv(), Err(oneshot::error::TryRecvError::Empty)) {
+                return;
+            }
+            std::thread::sleep(RECHECK);
+        }
+    }
+}
+
+impl StopFileHandle {
+    /// Has the thread make the file as wanted. `None`: the disk does not answer in time.
+    async fn sync(&self) -> Option<io::Result<()>> {
+        let (reply, done) = oneshot::channel();
+        match self.jobs.try_send(Job::Sync(reply)) {
+            Ok(()) => {}
+            Err(TrySendError::Full(_)) => return None,
+            Err(TrySendError::Disconnected(_)) => return Some(Err(no_thread())),
+        }
+        let done = timeout(KEEP_LIMIT, done).await.ok()?;
+        Some(done.unwrap_or_else(|_| Err(no_thread())))
+    }
+}
+
+fn no_thread() -> io::Error {
+    io::Error::other("the thread that keeps it has ended")
 }
 
 /// Nothing of this name can be there.
@@ -144,11 +251,16 @@ fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
+/// The file, owned by the thread.
 struct StopFile {
     data: PathBuf,
     wanted: watch::Receiver<bool>,
     /// Whether the file is there; unknown after an error.
     kept: watch::Sender<Option<bool>>,
+    /// Name of this process's spare file.
+    spare: String,
+    /// Whether the data folder was created for it.
+    new: bool,
 }
 
 impl StopFile {
@@ -157,72 +269,139 @@ impl StopFile {
             data: data.to_owned(),
             wanted: on.subscribe(),
             kept: watch::Sender::new(Some(kept)),
+            spare: format!("{SPARE}{}", std::process::id()),
+            new: !data.exists(),
         }
     }
 
-    /// Writes or removes the file after each change, until the stop is dropped. Retries what has
-    /// failed, and restores a file that another robot's run or tool has removed from a shared
-    /// folder.
-    fn follow(self, changes: &Receiver<()>) {
+    /// Does the jobs until the last handle is dropped. Retries what has failed, and restores a file
+    /// that another robot's run or tool has removed from a shared folder.
+    fn follow(self, jobs: &Receiver<Job>) {
+        self.prepare();
         loop {
-            let kept = *self.kept.borrow();
-            let woken = match kept {
-                Some(false) => changes.recv().map_err(RecvTimeoutError::from),
-                _ => changes.recv_timeout(AGAIN),
+            let pause = match *self.kept.borrow() {
+                Some(false) => IDLE,
+                _ => AGAIN,
             };
-            if woken == Err(RecvTimeoutError::Disconnected) {
-                return;
+            match jobs.recv_timeout(pause) {
+                Ok(Job::Sync(reply)) => {
+                    let _ = reply.send(self.sync());
+                    self.prepare();
+                }
+                Ok(Job::Close(reply)) => {
+                    let synced = self.sync();
+                    self.tidy();
+                    let _ = reply.send(synced);
+                    return;
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    // It was logged when it failed first.
+                    let _ = self.sync();
+                    if !*self.wanted.borrow() {
+                        self.prepare();
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => return self.tidy(),
             }
-            self.write();
         }
     }
 
-    fn write(&self) {
+    /// Makes the file as wanted.
+    fn sync(&self) -> io::Result<()> {
         let wanted = *self.wanted.borrow();
-        let kept = *self.kept.borrow();
-        if kept == Some(wanted) && (!wanted || EmergencyStop::is_kept(&self.data)) {
-            return;
-        }
-        let written = if wanted {
-            Folder::make(&self.data).and_then(|folder| folder.replace_durably(NAME, TEXT))
-        } else {
+        let synced = if !wanted {
             EmergencyStop::remove(&self.data).map(|_| ())
+        } else if EmergencyStop::is_kept(&self.data) {
+            Ok(())
+        } else {
+            self.keep()
         };
-        self.kept.send_replace(written.is_ok().then_some(wanted));
-        if let (Err(error), Some(_)) = (written, kept) {
+        let kept = synced.is_ok().then_some(wanted);
+        let before = self.kept.send_replace(kept);
+        if let (Err(error), Some(_)) = (&synced, before) {
             let path = self.data.join(NAME);
             let path = path.display();
-            let what = if wanted { "write" } else { "remove" };
-            let until = if wanted {
-                "STOP holds, but only until this program ends"
+            if wanted {
+                warn!("STOP holds, but only until this program ends: cannot write {path}: {error}");
             } else {
-                "STOP is released, but would hold again in the next program"
-            };
-            warn!("{until}: cannot {what} {path}: {error}");
+                warn!(
+                    "STOP is released, but would hold again in the next program: cannot remove \
+                     {path}: {error}"
+                );
+            }
+        }
+        synced
+    }
+
+    fn keep(&self) -> io::Result<()> {
+        let folder = Folder::make(&self.data)?;
+        match folder.rename(&self.spare, NAME) {
+            Ok(()) => Ok(()),
+            // The spare file is gone, or could not be made. An empty one rarely needs a block.
+            Err(_) => folder.create(NAME),
         }
     }
+
+    /// Has the disk store what was changed, and makes the next spare file. Best effort.
+    fn prepare(&self) {
+        let prepared = Folder::make(&self.data).and_then(|folder| {
+            folder.sync()?;
+            if *self.kept.borrow() == Some(false) && folder.item(&self.spare)?.is_none() {
+                sweep(&folder)?;
+                folder.replace_durably(&self.spare, TEXT)?;
+            }
+            Ok(())
+        });
+        if let Err(error) = prepared {
+            warn!(
+                "a later STOP may not be kept for the next program: {}: {error}",
+                self.data.display()
+            );
+        }
+    }
+
+    /// Removes the spare file, and the data folder if it is empty and was made for it.
+    fn tidy(&self) {
+        let _ = std::fs::remove_file(self.data.join(&self.spare));
+        if self.new {
+            let _ = std::fs::remove_dir(&self.data);
+        }
+    }
+}
+
+/// Removes the spare files of programs that were killed.
+fn sweep(folder: &Folder) -> io::Result<()> {
+    for name in folder.names()? {
+        let pid = name.strip_prefix(SPARE).and_then(|pid| pid.parse().ok());
+        let pid = pid.and_then(Pid::from_raw);
+        if pid.is_some_and(|pid| test_kill_process(pid) == Err(rustix::io::Errno::SRCH)) {
+            folder.remove(&name)?;
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// Waits until the file is there, or is not.
-    fn becomes(stop: &EmergencyStop, data: &Path, kept: bool) {
-        stop.finish(Duration::from_secs(60));
-        assert_eq!(EmergencyStop::is_kept(data), kept);
+    async fn engage(stop: &EmergencyStop) -> StopKept {
+        stop.engage("a test", || ()).await
     }
 
-    #[test]
-    fn a_stop_holds_in_the_next_program_until_it_is_released() {
+    #[tokio::test]
+    async fn a_stop_is_kept_before_it_is_answered_and_holds_until_it_is_released() {
         let home = tempfile::tempdir().unwrap();
         let data = home.path().join("data");
-        let stop = EmergencyStop::open(&data);
-        assert!(!stop.is_on() && !data.exists());
-        stop.set(true, || ());
-        becomes(&stop, &data, true);
+        let bus = Bus::default();
+        let mut heard = bus.subscribe();
+        let stop = EmergencyStop::open(&data, &bus);
+        assert!(!stop.is_on() && !EmergencyStop::is_kept(&data));
+        assert_eq!(engage(&stop).await, StopKept::Yes);
+        assert!(EmergencyStop::is_kept(&data));
+        assert_eq!(engage(&stop).await, StopKept::Yes);
         drop(stop);
-        let next = EmergencyStop::open(&data);
+        let next = EmergencyStop::open(&data, &bus);
         let (requests, mut received) = mpsc::channel(1);
         next.restore(&requests);
         assert!(matches!(
@@ -230,23 +409,49 @@ mod tests {
             Ok(Request::EmergencyStop(true))
         ));
         assert!(next.is_on());
-        next.set(false, || ());
-        becomes(&next, &data, false);
-        let third = EmergencyStop::open(&data);
+        next.reset("another", || ()).await.unwrap();
+        assert!(!EmergencyStop::is_kept(&data));
+        let third = EmergencyStop::open(&data, &bus);
         third.restore(&requests);
         assert!(!third.is_on() && received.try_recv().is_err());
+        let heard: Vec<AgentEvent> = std::iter::from_fn(|| match heard.try_next() {
+            Some(crate::robot::BusMessage::Event(one)) => Some(one.what.clone()),
+            _ => None,
+        })
+        .collect();
+        let by = |by: &str| by.to_owned();
+        let engaged = AgentEvent::StopEngaged { by: by("a test") };
+        let reset = AgentEvent::StopReset { by: by("another") };
+        assert_eq!(heard, [engaged, reset], "each is recorded once");
+    }
+
+    #[tokio::test]
+    async fn nothing_is_left_of_a_program_in_which_nobody_pressed_stop() {
+        let home = tempfile::tempdir().unwrap();
+        let data = home.path().join("data");
+        let stop = EmergencyStop::open(&data, &Bus::default());
+        stop.reset("a test", || ()).await.unwrap();
+        stop.finish(Duration::from_secs(60));
+        assert!(!data.exists());
+        let kept = EmergencyStop::open(&data, &Bus::default());
+        assert_eq!(engage(&kept).await, StopKept::Yes);
+        kept.finish(Duration::from_secs(60));
+        let names = std::fs::read_dir(&data).unwrap();
+        let names: Vec<_> = names.map(|name| name.unwrap().file_name()).collect();
+        assert_eq!(names, [NAME]);
     }
 
     #[test]
     fn whatever_is_in_the_place_of_the_file_counts_as_stop() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join(NAME);
+        let bus = Bus::default();
         std::fs::create_dir(&path).unwrap();
-        assert!(EmergencyStop::open(home.path()).is_on());
+        assert!(EmergencyStop::open(home.path(), &bus).is_on());
         assert!(EmergencyStop::remove(home.path()).is_err());
         std::fs::remove_dir(&path).unwrap();
         std::os::unix::fs::symlink("nowhere", &path).unwrap();
-        assert!(EmergencyStop::open(home.path()).is_on());
+        assert!(EmergencyStop::open(home.path(), &bus).is_on());
         assert!(EmergencyStop::remove(home.path()).unwrap());
         assert!(!EmergencyStop::remove(home.path()).unwrap());
         // A data folder below a file cannot contain one.
@@ -254,36 +459,54 @@ mod tests {
         assert!(!EmergencyStop::is_kept(&path));
     }
 
-    #[test]
-    fn a_stop_that_cannot_be_written_holds_and_the_file_is_written_later() {
+    #[tokio::test]
+    async fn a_data_folder_that_was_removed_is_made_again_and_one_that_cannot_be_is_told() {
         let home = tempfile::tempdir().unwrap();
-        // A file in the place of the data folder takes no file.
         let data = home.path().join("data");
-        std::fs::write(&data, "").unwrap();
-        let on = watch::Sender::new(true);
-        let file = StopFile::new(&data, &on, false);
-        file.write();
-        assert_eq!(*file.kept.borrow(), None);
-        assert!(*on.borrow());
+        let stop = EmergencyStop::open(&data, &Bus::default());
+        stop.reset("a test", || ()).await.unwrap();
+        while !data.exists() {
+            std::thread::sleep(RECHECK);
+        }
+        std::fs::remove_dir_all(&data).unwrap();
+        assert_eq!(engage(&stop).await, StopKept::Yes);
+        assert!(EmergencyStop::is_kept(&data));
+        stop.reset("a test", || ()).await.unwrap();
+        // A file in the place of the data folder takes no file.
+        let _ = std::fs::remove_dir_all(&data);
+        while std::fs::write(&data, "").is_err() {
+            let _ = std::fs::remove_dir_all(&data);
+        }
+        let kept = engage(&stop).await;
+        assert!(matches!(&kept, StopKept::No(_)), "{kept:?}");
+        assert!(kept.warning().unwrap().contains("NOT in the next one"));
+        assert!(stop.is_on());
         std::fs::remove_file(&data).unwrap();
-        file.write();
+        assert_eq!(engage(&stop).await, StopKept::Yes);
         assert!(EmergencyStop::is_kept(&data));
-        // Another robot's tool removes it.
-        assert!(EmergencyStop::remove(&data).unwrap());
-        file.write();
-        assert!(EmergencyStop::is_kept(&data));
-        on.send_replace(false);
-        file.write();
-        assert!(!EmergencyStop::is_kept(&data));
     }
 
     #[test]
-    fn without_a_file_a_stop_ends_with_its_program() {
+    fn the_spare_files_of_killed_programs_are_removed() {
+        let home = tempfile::tempdir().unwrap();
+        let folder = Folder::open(home.path()).unwrap();
+        // No process has this number; the last has this one's.
+        for name in [".stop-spare-2147483646", ".stop-spare-x", ".stop-spare-1"] {
+            folder.create(name).unwrap();
+        }
+        sweep(&folder).unwrap();
+        let left: Vec<String> = folder.names().unwrap().into_iter().collect();
+        assert!(left.contains(&".stop-spare-1".to_owned()), "{left:?}");
+        assert!(!left.contains(&".stop-spare-2147483646".to_owned()));
+    }
+
+    #[tokio::test]
+    async fn without_a_file_a_stop_ends_with_its_program() {
         let stop = EmergencyStop::default();
         let mut seen = stop.watch();
-        stop.set(true, || ());
+        assert_eq!(engage(&stop).await, StopKept::WithProgram);
         assert!(stop.is_on() && *seen.borrow_and_update());
-        stop.set(false, || ());
+        stop.reset("a test", || ()).await.unwrap();
         assert!(!stop.is_on() && !*seen.borrow_and_update());
     }
 }

@@ -89,9 +89,16 @@ impl Folder {
         })
     }
 
-    pub(super) fn connect_all(&self) -> Vec<UnixStream> {
-        let names = self.names(SUFFIX).into_iter();
-        names.filter_map(|name| self.connect(&name).ok()).collect()
+    /// Connects to all runs that listen, each with its process ID.
+    pub(super) fn connect_all(&self) -> Vec<(u32, UnixStream)> {
+        let mut streams = Vec::new();
+        for name in self.names(SUFFIX) {
+            let pid = name.strip_suffix(SUFFIX).and_then(|pid| pid.parse().ok());
+            if let (Some(pid), Ok(stream)) = (pid, self.connect(&name)) {
+                streams.push((pid, stream));
+            }
+        }
+        streams
     }
 
     /// Connects to the run with this process ID.

@@ -14,7 +14,7 @@ use super::request::MAX_SPEECH;
 
 /// Protocol version, incremented with every change of the messages; the two ends may be different
 /// builds.
-const VERSION: u16 = 2;
+const VERSION: u16 = 3;
 /// Maximum length of a message: speech, and some bytes.
 const MAX_MESSAGE_LEN: usize = MAX_SPEECH + 1024;
 
@@ -26,6 +26,11 @@ impl Pipe {
             .max_frame_length(MAX_MESSAGE_LEN)
             .new_codec();
         Pipe(Framed::new(stream, codec))
+    }
+
+    /// The user ID of the other end, if the system knows it.
+    pub(super) fn user(&self) -> Option<u32> {
+        self.0.get_ref().peer_cred().ok().map(|peer| peer.uid())
     }
 
     /// Sends a message.

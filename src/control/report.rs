@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::request::{Next, Overview};
 use crate::robot::channel::RunningBehaviour;
-use crate::robot::{Battery, Percent, Priority, RobotInfo};
+use crate::robot::{
+    Battery, Percent, Priority, RobotInfo, StopConfirmation, StopKept, StopOutcome,
+};
 
 /// The state of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -38,6 +40,10 @@ pub struct Report {
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
+    /// Whether a person's STOP holds.
+    pub emergency_stop: bool,
+    /// What is known of that STOP at the robot.
+    pub stop_confirmation: StopConfirmation,
     /// The battery level, if a plausible one is known.
     pub battery: Option<Level>,
     /// The running behaviours.
@@ -46,6 +52,51 @@ pub struct Report {
     pub next: Option<Start>,
     /// Whether it is a quiet hour.
     pub quiet: bool,
+}
+
+/// The answer to a STOP.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct StopReport {
+    /// Always true: STOP holds.
+    pub ok: bool,
+    /// What is known of it, for people.
+    pub text: String,
+    /// What is known of it at the robot.
+    pub stop_confirmation: StopConfirmation,
+    /// Whether the next program of the data folder would hold it, too.
+    pub kept: bool,
+    /// Why not; null for a robot that is simulated in the run's own program.
+    pub why_not_kept: Option<String>,
+}
+
+impl From<StopOutcome> for StopReport {
+    fn from(outcome: StopOutcome) -> StopReport {
+        StopReport {
+            ok: true,
+            text: outcome.to_string(),
+            stop_confirmation: outcome.confirmation,
+            kept: outcome.kept == StopKept::Yes,
+            why_not_kept: match outcome.kept {
+                StopKept::Yes | StopKept::WithProgram => None,
+                StopKept::NotYet => Some("the disk does not answer".to_owned()),
+                StopKept::No(why) => Some(why),
+            },
+        }
+    }
+}
+
+impl From<StopReport> for StopOutcome {
+    fn from(report: StopReport) -> StopOutcome {
+        let kept = match (report.kept, report.why_not_kept) {
+            (true, _) => StopKept::Yes,
+            (false, None) => StopKept::WithProgram,
+            (false, Some(why)) => StopKept::No(why),
+        };
+        StopOutcome {
+            confirmation: report.stop_confirmation,
+            kept,
+        }
+    }
 }
 
 /// The battery's level.
@@ -119,6 +170,8 @@ impl From<&Overview> for Report {
             dock_state: run.dock_state.clone(),
             docked: run.docked,
             low: run.low,
+            emergency_stop: run.emergency_stop,
+            stop_confirmation: run.stop_confirmation,
             battery: run.battery.map(Level::from),
             behaviours: behaviours.collect(),
             next: run.next.as_ref().map(Start::from),
@@ -165,6 +218,8 @@ impl From<Report> for Overview {
             dock_state: report.dock_state,
             docked: report.docked,
             low: report.low,
+            emergency_stop: report.emergency_stop,
+            stop_confirmation: report.stop_confirmation,
             battery,
             behaviours: behaviours.collect(),
             next,
@@ -196,6 +251,8 @@ mod tests {
             dock_state: "on its station".to_owned(),
             docked: true,
             low: false,
+            emergency_stop: true,
+            stop_confirmation: StopConfirmation::NotConfirmed,
             battery: Some(Battery {
                 percent: Percent::saturating(71),
                 charging: true,

@@ -7,7 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::robot::channel::RunningBehaviour;
-use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
+use crate::robot::{
+    Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo, StopConfirmation,
+    StopOutcome,
+};
 use crate::timetable::View;
 use crate::wire::{Led, Sound};
 
@@ -23,7 +26,7 @@ pub enum RunRequest {
     Dock(DockPlan),
     /// Leave the station, and wait at most this long for the robot's confirmation.
     Undock(Duration),
-    /// Stop the robot, and end the run.
+    /// STOP: the robot stands until a person releases it. A run ends then, a service goes on.
     Stop,
     /// Switch a light.
     Led {
@@ -61,7 +64,7 @@ impl RunRequest {
             RunRequest::Overview => "the state of the run".to_owned(),
             RunRequest::Dock(_) => "dock".to_owned(),
             RunRequest::Undock(_) => "undock".to_owned(),
-            RunRequest::Stop => "stop; the run ends".to_owned(),
+            RunRequest::Stop => "STOP".to_owned(),
             RunRequest::Led { led, on: true } => format!("light {} on", led.name()),
             RunRequest::Led { led, on: false } => format!("light {} off", led.name()),
             RunRequest::Play(sound) => format!("play {}", sound.name()),
@@ -117,6 +120,13 @@ pub enum RunResponse {
     },
     /// How an undocking ended.
     Undocked(DockEnd),
+    /// STOP holds.
+    Stopped {
+        /// What is known of it.
+        outcome: StopOutcome,
+        /// Whether the run ends now; a service goes on.
+        ends: bool,
+    },
     /// The request was passed to the pilot.
     Done,
     /// A JPEG.
@@ -154,6 +164,10 @@ pub struct Overview {
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
+    /// Whether a person's STOP holds.
+    pub emergency_stop: bool,
+    /// What is known of that STOP at the robot.
+    pub stop_confirmation: StopConfirmation,
     /// The battery level, if a plausible one is known.
     pub battery: Option<Battery>,
     /// The running behaviours.

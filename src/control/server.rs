@@ -21,7 +21,10 @@ use super::request::{
 use crate::agent::{Docked, PilotClient, PilotClientError, Roster, RosterError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
-use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
+use crate::robot::{
+    BehaviourId, Intent, Pictures, Priority, STOP_HOLDS, StopConfirmation, StopOutcome, Streams,
+    Use,
+};
 use crate::safety::WatchdogState;
 use crate::timetable::View;
 use crate::vision::validate_markers;
@@ -33,6 +36,10 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout for the pilot's list of running behaviours.
 const RUNNING_TIMEOUT: Duration = Duration::from_secs(1);
+/// How long a STOP waits for a place in the pilot's queue before it latches without the pilot.
+const PILOT_TIMEOUT: Duration = Duration::from_millis(500);
+/// How long the answer to a STOP waits for the robot.
+const CONFIRMATION_TIMEOUT: Duration = Duration::from_secs(2);
 /// Timeout for connecting again to a robot whose link was released.
 const RECONNECT_TIMEOUT: Duration = Duration::from_millis(3500);
 /// Pause after a failed `accept`.
@@ -56,8 +63,8 @@ pub struct Run {
     pub status: watch::Receiver<Status>,
     /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
-    /// Ends the run at a person's request.
-    pub stop: CancellationToken,
+    /// Ends a single run after `spykee robot stop`; a service goes on.
+    pub end: Option<CancellationToken>,
     /// A person's STOP.
     pub emergency_stop: EmergencyStop,
     /// The config's settings for the robot's streams.
@@ -127,12 +134,27 @@ async fn serve(stream: UnixStream, run: Run) {
             request.describe()
         );
     }
-    let answer = tokio::select! {
-        answer = run.perform(request) => answer,
-        _ = pipe.receive::<RunRequest>() => return,
+    let by = match pipe.user() {
+        Some(user) => format!("the command line, user ID {user}"),
+        None => "the command line".to_owned(),
     };
-    if timeout(ANSWER_TIMEOUT, pipe.send(&answer)).await.is_err() {
+    let response = match request {
+        // Also if the client no longer waits, as when this program was suspended meanwhile.
+        RunRequest::Stop => run.press_stop(&by).await,
+        RunRequest::ResetStop => answer(run.reset_stop(&by).await),
+        request => tokio::select! {
+            response = run.perform(request) => response,
+            _ = pipe.receive::<RunRequest>() => return,
+        },
+    };
+    let stopped = matches!(response, RunResponse::Stopped { .. });
+    if timeout(ANSWER_TIMEOUT, pipe.send(&response)).await.is_err() {
         debug!("a client does not read its answer");
+    }
+    if let Some(end) = run.end
+        && stopped
+    {
+        end.cancel();
     }
 }
 
@@ -142,12 +164,16 @@ impl Run {
     pub async fn perform(&self, request: RunRequest) -> RunResponse {
         let request = match request {
             RunRequest::Overview => return self.overview().await,
-            RunRequest::Stop => return self.engage_stop().await,
-            RunRequest::ResetStop => return answer(self.set_emergency_stop(false).await),
+            RunRequest::Stop => return self.press_stop("a person").await,
+            RunRequest::ResetStop => return answer(self.reset_stop("a person").await),
             RunRequest::Behaviours => return self.behaviours(),
             RunRequest::Behaviour { name, change } => return self.change(&name, change).await,
             other => other,
         };
+        let drives = matches!(request, RunRequest::Dock(_) | RunRequest::Undock(_));
+        if drives && self.emergency_stop.is_on() {
+            return RunResponse::Refused(STOP_HOLDS.to_owned());
+        }
         if !self.reach().await {
             return RunResponse::Offline;
         }
@@ -247,6 +273,9 @@ impl Run {
     }
 
     async fn change(&self, name: &str, change: Change) -> RunResponse {
+        if change != Change::Stop && self.emergency_stop.is_on() {
+            return RunResponse::Refused(STOP_HOLDS.to_owned());
+        }
         answer(match change {
             Change::Start => self.roster.start(name).await,
             Change::StartFor(lasts) => self.roster.start_for(name, lasts).await,
@@ -255,32 +284,25 @@ impl Run {
         })
     }
 
-    /// Stops the tracks at once, then ends the run, so that nothing keeps driving.
-    async fn engage_stop(&self) -> RunResponse {
-        let stopped = self.stop_tracks().await;
-        self.stop.cancel();
-        answer(stopped)
+    async fn press_stop(&self, by: &str) -> RunResponse {
+        RunResponse::Stopped {
+            outcome: self.engage_stop(by).await,
+            ends: self.end.is_some(),
+        }
     }
 
-    async fn stop_tracks(&self) -> Result<(), PilotClientError> {
-        self.pilot_client("a person")
-            .await?
-            .send_intent(Intent::Stop)
-            .await
-    }
-
-    /// Stops the tracks at once and ends all behaviours, also those that start or restart at this
-    /// moment, so that nothing keeps driving. Unlike [`RunRequest::Stop`], it does not end the run
-    /// itself.
-    pub async fn stop_behaviours(&self) -> RunResponse {
-        let stopped = self.stop_tracks().await;
+    /// Ends all behaviours, also those that start or restart at this moment.
+    ///
+    /// # Errors
+    /// Why a behaviour may still run, in words.
+    pub async fn end_behaviours(&self) -> Result<(), String> {
         match self.roster.stop_all().await {
             // A run that is ending ends its behaviours itself.
-            Ok(()) | Err(RosterError::Closed) => answer(stopped),
+            Ok(()) | Err(RosterError::Closed) => Ok(()),
             Err(RosterError::Busy) => {
-                RunResponse::Refused("a behaviour has not ended within ten seconds".to_owned())
+                Err("a behaviour has not ended within ten seconds".to_owned())
             }
-            refused => answer(refused),
+            Err(refused) => Err(refused.to_string()),
         }
     }
 
@@ -323,22 +345,69 @@ impl Run {
         PilotClient::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
-    /// Sets or releases STOP. While it is set, nothing moves the robot, in this program or in the
-    /// next one of its data folder.
+    /// Engages STOP in the name of `by`: nothing moves the robot until a person releases it, in this
+    /// program or in the next one of its data folder. The answer waits until it is kept, and for the
+    /// robot; both take a few milliseconds, and are limited.
+    pub async fn engage_stop(&self, by: &str) -> StopOutcome {
+        let kept = match timeout(PILOT_TIMEOUT, self.requests.reserve()).await {
+            Ok(Ok(place)) => {
+                let tell_pilot = || place.send(Request::EmergencyStop(true));
+                let engaged = self.emergency_stop.engage(by, tell_pilot);
+                let (kept, confirmation) = tokio::join!(engaged, self.confirmation());
+                return StopOutcome { confirmation, kept };
+            }
+            // The run has ended, and its end has stopped the robot.
+            Ok(Err(_)) => self.emergency_stop.engage(by, || ()).await,
+            Err(_) => {
+                self.tell_pilot_later();
+                self.emergency_stop.engage(by, || ()).await
+            }
+        };
+        let confirmation = StopConfirmation::NotConfirmed;
+        StopOutcome { confirmation, kept }
+    }
+
+    /// Releases STOP in the name of `by`.
     ///
     /// # Errors
-    /// [`PilotClientError::Closed`]: the run has ended, and the robot was stopped at its end.
-    pub async fn set_emergency_stop(&self, on: bool) -> Result<(), PilotClientError> {
-        match self.requests.reserve().await {
-            Ok(place) => {
-                self.emergency_stop
-                    .set(on, || place.send(Request::EmergencyStop(on)));
-                Ok(())
+    /// Why it may hold in the next program, in words.
+    pub async fn reset_stop(&self, by: &str) -> Result<(), String> {
+        match timeout(PILOT_TIMEOUT, self.requests.reserve()).await {
+            Ok(Ok(place)) => {
+                let tell_pilot = || place.send(Request::EmergencyStop(false));
+                self.emergency_stop.reset(by, tell_pilot).await
             }
+            Ok(Err(_)) => self.emergency_stop.reset(by, || ()).await,
             Err(_) => {
-                self.emergency_stop.set(on, || ());
-                Err(PilotClientError::Closed)
+                self.tell_pilot_later();
+                self.emergency_stop.reset(by, || ()).await
             }
+        }
+    }
+
+    /// Tells a pilot whose queue is full whether STOP holds, as soon as there is room.
+    fn tell_pilot_later(&self) {
+        let run = self.clone();
+        tokio::spawn(async move {
+            if let Ok(place) = run.requests.reserve().await {
+                run.emergency_stop.repeat(place);
+            }
+        });
+    }
+
+    /// Waits for what the robot says to a STOP.
+    async fn confirmation(&self) -> StopConfirmation {
+        let mut status = self.status.clone();
+        let known = status
+            .wait_for(|status| status.emergency_stop && status.stop != StopConfirmation::Sending);
+        let Ok(Ok(status)) = timeout(CONFIRMATION_TIMEOUT, known).await else {
+            return StopConfirmation::NotConfirmed;
+        };
+        match (status.stop, status.link) {
+            (StopConfirmation::None, LinkState::Lost | LinkState::Connecting) => {
+                StopConfirmation::NotConfirmed
+            }
+            (confirmation, _) => confirmation,
         }
     }
 
@@ -356,15 +425,12 @@ impl Run {
             running: self.began.elapsed(),
             online: status.link == LinkState::Up,
             robot: running.robot,
-            state: match status.link.absence() {
-                Some(words) if status.emergency_stop => format!("stopped by a person; {words}"),
-                Some(words) => words.to_owned(),
-                None if status.emergency_stop => "stopped by a person".to_owned(),
-                None => status.safety.to_string(),
-            },
+            state: describe(&status),
             dock_state: status.dock_state.to_string(),
             docked: status.docked,
             low: status.low,
+            emergency_stop: status.emergency_stop,
+            stop_confirmation: status.stop,
             battery: status.battery,
             behaviours: running.behaviours,
             next: Next::from_view(&view),
@@ -384,6 +450,20 @@ impl Run {
         let (sender, reply) = oneshot::channel();
         self.requests.send(Request::Running(sender)).await.ok()?;
         reply.await.ok()
+    }
+}
+
+/// The state of the run, for people.
+fn describe(status: &Status) -> String {
+    let stopped = match (status.emergency_stop, status.stop) {
+        (false, _) => None,
+        (true, StopConfirmation::NotConfirmed) => Some("stopped by a person, NOT CONFIRMED"),
+        (true, _) => Some("stopped by a person"),
+    };
+    match (stopped, status.link.absence()) {
+        (Some(stopped), Some(words)) => format!("{stopped}; {words}"),
+        (Some(words), None) | (None, Some(words)) => words.to_owned(),
+        (None, None) => status.safety.to_string(),
     }
 }
 

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use ureq::http::{HeaderValue, Request};
 
 use super::client::AskError;
-use super::report::Report;
+use super::report::{Report, StopReport};
 use super::request::{BehaviourListing, Change, RunRequest, RunResponse};
 use crate::clock::Span;
 use crate::config::ServiceUrl;
@@ -207,6 +207,14 @@ fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<RunR
             Ok(RunResponse::Behaviours(
                 all.into_iter().map(Behaviour::listed).collect(),
             ))
+        }
+        (RunRequest::Stop, 200) => {
+            let mut report: StopReport = read(&body)?;
+            report.why_not_kept = report.why_not_kept.map(|why| sanitize::line(&why));
+            Ok(RunResponse::Stopped {
+                outcome: report.into(),
+                ends: false,
+            })
         }
         (RunRequest::Picture(_), 200) => Ok(RunResponse::Picture(body)),
         (_, 200) => Ok(RunResponse::Done),

@@ -22,6 +22,8 @@ const MAX_UNANSWERED: u32 = 5;
 /// So many, and it is replaced. Until then a guardian that is only slow, on a busy machine, may
 /// answer again.
 const GIVEN_UP: u32 = 20;
+/// The gap between two beats after which unanswered ones do not count.
+const STALL: Duration = Duration::from_millis(500);
 /// An answer is a message without data.
 const MAX_ANSWER_LEN: usize = 64;
 
@@ -84,7 +86,7 @@ impl Guardian {
 
     /// Whether a guardian process runs and answers. Nothing may drive otherwise.
     pub fn is_answering(&self) -> bool {
-        self.socket.is_some() && self.unanswered < MAX_UNANSWERED
+        self.socket.is_some() && self.unanswered <= MAX_UNANSWERED
     }
 
     /// Sets how to dial the robot and log in again.
@@ -151,7 +153,7 @@ impl Guardian {
     pub fn heartbeat(&mut self, now: Instant) -> Option<GuardianAct> {
         let acted = self.check();
         // After a stall of this process, the guardian may not have had its turn either.
-        let stalled = |before: Instant| now - before > 2 * HEARTBEAT_INTERVAL;
+        let stalled = |before: Instant| now - before > STALL;
         if self.last_beat.replace(now).is_some_and(stalled) {
             self.unanswered = 0;
         }
@@ -160,7 +162,7 @@ impl Guardian {
         } else {
             self.unanswered += 1;
             self.send(&GuardianMessage::Heartbeat);
-            if self.unanswered == MAX_UNANSWERED {
+            if self.unanswered == MAX_UNANSWERED + 1 {
                 warn!("the guardian process does not answer: nothing may drive until it does");
             }
         }

@@ -97,7 +97,6 @@ impl Place {
 #[derive(Debug)]
 pub(super) struct StopSocket {
     socket: UnixDatagram,
-    place: Place,
     path: PathBuf,
 }
 
@@ -111,11 +110,8 @@ impl StopSocket {
         rustix::process::umask(before);
         let socket = bound?;
         socket.set_nonblocking(true)?;
-        Ok(StopSocket {
-            socket,
-            place,
-            path,
-        })
+        // The folder is not kept open: the guardian may outlive the run.
+        Ok(StopSocket { socket, path })
     }
 
     /// Who asks for a stop, if anyone does.
@@ -143,7 +139,9 @@ impl AsFd for StopSocket {
 
 impl Drop for StopSocket {
     fn drop(&mut self) {
-        self.place.remove();
+        if let Ok(place) = Place::of(&self.path) {
+            place.remove();
+        }
         if let Some(folder) = self.path.parent() {
             let _ = std::fs::remove_dir(folder);
         }

@@ -17,6 +17,7 @@ use futures_util::stream::unfold;
 use tokio::time::{Instant, timeout_at};
 
 use super::access::Access;
+use super::connections::Place;
 use super::origin_check::{OriginHeaders, Reason};
 use super::visitor::{Identity, Refusal, Visitor};
 
@@ -24,6 +25,8 @@ use super::visitor::{Identity, Refusal, Visitor};
 const BODY: Duration = Duration::from_secs(15);
 /// Name of the cookie with the token of a person.
 pub(super) const COOKIE: &str = "spykee_token";
+/// Path of the request that must always get through.
+const STOP: &str = "/api/stop";
 /// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
@@ -55,6 +58,11 @@ pub async fn guard_request(
 ) -> Response {
     let response = match admit(&access, from, &request) {
         Ok(visitor) => {
+            if let Some(place) = request.extensions().get::<Arc<Place>>()
+                && let Some(visitor) = &visitor
+            {
+                place.identify(visitor, request.uri().path() == STOP);
+            }
             request.extensions_mut().insert(Identity(visitor));
             next.run(request.map(with_body_timeout)).await
         }

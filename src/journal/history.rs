@@ -8,8 +8,8 @@ use rusqlite::{Connection, OpenFlags, params_from_iter};
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::database::JournalError;
 use super::database::{FILE, folder};
+use super::error::JournalError;
 use super::schema;
 
 /// How long a reader waits for a writer.
@@ -36,7 +36,6 @@ fn rfc3339<S: Serializer>(at: &Timestamp, to: S) -> Result<S::Ok, S::Error> {
 }
 
 impl Record {
-    /// Returns the kind of event.
     pub fn kind(&self) -> &str {
         self.text("event")
     }
@@ -123,8 +122,8 @@ impl JournalReader {
         connection.pragma_update(None, "query_only", true)?;
         let found = schema::version(&connection)?;
         if found > schema::VERSION {
-            let newer = schema::SchemaError::Newer { found };
-            return Err(newer.into());
+            let known = schema::VERSION;
+            return Err(JournalError::Newer { found, known });
         }
         schema::validate(&connection, found)?;
         // Version 0: created, but not written yet.

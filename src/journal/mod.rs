@@ -6,6 +6,7 @@
 //! is room. A process that is killed loses the events of its last half second.
 
 mod database;
+mod error;
 mod history;
 mod pending;
 mod recorder;
@@ -16,7 +17,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::whole_within;
 
-pub use database::{JournalError, folder, journal_file};
+pub use database::{folder, journal_file};
+pub use error::JournalError;
 pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
 pub use recorder::{Journal, SimulationJournal};
 
@@ -66,7 +68,6 @@ pub enum When {
 pub struct RunInfo {
     /// The robot's address.
     pub target: String,
-    /// Whether the robot is simulated.
     pub simulated: bool,
 }
 

@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::database::Database;
-use super::database::JournalError;
+use super::error::JournalError;
 use super::pending::Pending;
 use super::{Options, RunInfo};
 use crate::clock::{Clock, until};

@@ -3,6 +3,8 @@
 
 use rusqlite::{Connection, TransactionBehavior};
 
+use super::error::JournalError;
+
 /// One migration step for each version, never changed once it is released.
 const STEPS: &[&str] = &["
     CREATE TABLE session (
@@ -37,19 +39,6 @@ const STEPS: &[&str] = &["
 /// The version of a file that this program writes.
 pub(super) const VERSION: usize = STEPS.len();
 
-#[derive(Debug, thiserror::Error)]
-pub(super) enum SchemaError {
-    /// A newer program has written it.
-    #[error("a newer spykee has written it (version {found}; this one knows {VERSION})")]
-    Newer { found: usize },
-    /// Its tables differ from those that this program creates.
-    #[error("its tables are not those of a journal")]
-    Foreign,
-    /// An error of SQLite.
-    #[error(transparent)]
-    Sql(#[from] rusqlite::Error),
-}
-
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
     let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     Ok(version as usize)
@@ -65,14 +54,15 @@ fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> 
 
 /// Checks that a file has exactly the objects that this program creates in this version. A foreign
 /// view or trigger could run endlessly whenever the file is read or written.
-///
-/// # Errors
-/// [`SchemaError::Foreign`], or an error of SQLite.
-pub(super) fn validate(connection: &Connection, version: usize) -> Result<(), SchemaError> {
+pub(super) fn validate(connection: &Connection, version: usize) -> Result<(), JournalError> {
     validate_by(STEPS, connection, version)
 }
 
-fn validate_by(steps: &[&str], connection: &Connection, version: usize) -> Result<(), SchemaError> {
+fn validate_by(
+    steps: &[&str],
+    connection: &Connection,
+    version: usize,
+) -> Result<(), JournalError> {
     let own = Connection::open_in_memory()?;
     for step in steps.iter().take(version) {
         own.execute_batch(step)?;
@@ -80,22 +70,25 @@ fn validate_by(steps: &[&str], connection: &Connection, version: usize) -> Resul
     if parts(connection)? == parts(&own)? {
         Ok(())
     } else {
-        Err(SchemaError::Foreign)
+        Err(JournalError::Foreign)
     }
 }
 
 /// Migrates a file, including an empty one, to this program's version: applies all missing steps,
 /// or none.
-pub(super) fn migrate(connection: &mut Connection) -> Result<(), SchemaError> {
+pub(super) fn migrate(connection: &mut Connection) -> Result<(), JournalError> {
     migrate_by(STEPS, connection)
 }
 
-fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), SchemaError> {
+fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), JournalError> {
     let immediate = TransactionBehavior::Immediate;
     let transaction = connection.transaction_with_behavior(immediate)?;
     let found = version(&transaction)?;
     if found > steps.len() {
-        return Err(SchemaError::Newer { found });
+        return Err(JournalError::Newer {
+            found,
+            known: steps.len(),
+        });
     }
     validate_by(steps, &transaction, found)?;
     for step in &steps[found..] {
@@ -148,7 +141,7 @@ mod tests {
             validate(&connection, VERSION).unwrap();
             connection.execute_batch(foreign).unwrap();
             assert!(
-                matches!(validate(&connection, VERSION), Err(SchemaError::Foreign)),
+                matches!(validate(&connection, VERSION), Err(JournalError::Foreign)),
                 "{foreign}"
             );
             assert!(migrate(&mut connection).is_err(), "{foreign}");

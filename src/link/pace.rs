@@ -31,7 +31,7 @@ const LAST_ANSWER: Duration = Duration::from_secs(10);
 /// The delay of an answer that the network alone may cause.
 const JITTER: Duration = Duration::from_millis(50);
 /// How often the speed of a robot that is not fast is measured while it moves.
-const MEASURE_INTERVAL: Duration = Duration::from_secs(20);
+const MEASURE_INTERVAL: Duration = Duration::from_secs(60);
 /// The time for one message of a robot that need not be measured again.
 const FAST: Duration = Duration::from_millis(30);
 /// The most questions whose answers are awaited.
@@ -219,9 +219,15 @@ impl Pace {
         Some(admission.checked_sub(limit).map_or(now, |at| at.max(now)))
     }
 
-    /// How many more messages may be written at once.
-    pub(super) fn admitted(&self, waiting: usize, now: Instant) -> usize {
+    /// How many of `waiting` messages may be written at once, after `urgent` ones.
+    pub(super) fn admitted(&self, urgent: usize, waiting: usize, now: Instant) -> usize {
+        if waiting == 0 {
+            return 0;
+        }
         let mut model = self.clone();
+        for _ in 0..urgent {
+            model.wrote(false, now);
+        }
         let mut count = 0;
         while count < waiting && model.admits(now) {
             model.wrote(false, now);

@@ -180,6 +180,13 @@ impl SendQueue {
         Some(self.pace.next_question() + queued.count() as u64 - 1)
     }
 
+    /// Lets everything go at once that waits for its pace: nothing follows.
+    pub(super) fn release_paced(&mut self) {
+        while let Some(message) = self.paced.pop_front() {
+            self.push_urgent(message);
+        }
+    }
+
     /// Queues samples for the speaker; none of them if too much speech is queued.
     pub(super) fn say(&mut self, samples: &Bytes) -> bool {
         self.speech.push(samples)
@@ -221,7 +228,7 @@ impl SendQueue {
     ) -> Bytes {
         self.pace.poll(now);
         self.ask_while_moving(now);
-        let paced = self.pace.admitted(self.paced.len(), now);
+        let paced = self.pace.admitted(self.urgent.len(), self.paced.len(), now);
         let commands = self.gather(paced);
         if !commands.is_empty() {
             self.stalled = self.stalled.or(Some(now));
@@ -275,7 +282,7 @@ impl SendQueue {
         }
         self.stalled = None;
         self.speech.charge(count, now);
-        if self.urgent() == 0 && self.pace.admitted(self.paced.len(), now) == 0 {
+        if self.urgent() == 0 && self.pace.admitted(0, self.paced.len(), now) == 0 {
             self.partly_written = self.speech.first().unwrap_or_default();
             self.speech.advance();
             self.pace.wrote(false, now);

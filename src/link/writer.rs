@@ -230,9 +230,12 @@ impl Writer {
         self.written().await
     }
 
-    /// Closes the write half. Nothing is sent any more, not even by a drop.
+    /// Writes what waits for its pace, as far as the robot accepts it at once, and closes the write
+    /// half. Nothing is sent any more, not even by a drop.
     pub(super) async fn shut_down(&mut self) {
         self.armed = false;
+        self.queue.release_paced();
+        let _ = self.write_ready();
         let _ = self.io.shutdown().await;
     }
 

@@ -24,7 +24,7 @@ use super::scripts::{self, Behaviour, Text};
 use super::state::{self, Rate};
 use super::viewer::Viewer;
 use super::{connection, messages};
-use crate::control::{Change, MAX_SPEECH, Report, RunRequest, RunResponse};
+use crate::control::{Change, MAX_SPEECH, Report, RunRequest, RunResponse, StopReport};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
 use crate::robot::DockPlan;
@@ -322,17 +322,24 @@ fn docking(answer: RunResponse) -> Response {
 }
 
 /// Every viewer may stop the robot.
-async fn stop(State(broadcast): Shared, _: Visitor) -> Reply<Outcome> {
-    stop_outcome(broadcast.stop().await.is_ok())
+async fn stop(State(broadcast): Shared, visitor: Visitor) -> Json<StopReport> {
+    Json(broadcast.stop(&name_of("the API", &visitor)).await.into())
 }
 
-async fn release_stop(State(broadcast): Shared, _: Driver) -> Reply<Outcome> {
-    stop_outcome(broadcast.release_stop().await.is_ok())
+async fn release_stop(State(broadcast): Shared, Driver(visitor): Driver) -> Reply<Outcome> {
+    let by = name_of("the API", &visitor);
+    outcome(match broadcast.run.reset_stop(&by).await {
+        Ok(()) => (true, String::new()),
+        Err(why) => (false, why),
+    })
 }
 
-fn stop_outcome(ok: bool) -> Reply<Outcome> {
-    let text = if ok { "" } else { "the run has ended" };
-    outcome((ok, text.to_owned()))
+/// Who pressed or released STOP, for the journal.
+pub(super) fn name_of(way: &str, visitor: &Visitor) -> String {
+    match &visitor.key {
+        Some(key) => format!("{way}, token {}", key.name),
+        None => format!("{way}, without a token"),
+    }
 }
 
 async fn led(

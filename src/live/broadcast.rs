@@ -18,13 +18,14 @@ use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
 use super::scripts::{Behaviour, RunDefinition};
 use super::state::{People, Person, Rate};
+use super::viewer::OpenPage;
 use super::world::SimulatedRobot;
 use super::{manual_drive, scripts, state, world};
 use crate::agent::{BehaviourState, PilotClientError};
 use crate::control::Run;
 use crate::http::Access;
 use crate::robot::{
-    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo,
+    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo, StopOutcome,
 };
 use crate::vision::validate_markers;
 use crate::wire::Stream;
@@ -65,7 +66,8 @@ pub(super) struct Broadcast {
 
 #[derive(Debug, Default)]
 pub(super) struct ViewerList {
-    pub(super) count: usize,
+    /// Those that have come first come first.
+    pub(super) open: Vec<OpenPage>,
     pub(super) driver: Option<(Person, watch::Sender<TimedSetpoint>)>,
 }
 
@@ -108,30 +110,18 @@ impl Broadcast {
     }
 
     pub(super) fn viewer_count(&self) -> usize {
-        self.lock_viewers().count
+        self.lock_viewers().open.len()
     }
 
     pub(super) fn robot(&self) -> Option<RobotInfo> {
         self.robot.borrow().clone()
     }
 
-    /// Executes STOP: stops the robot at once, takes the drive lock from the viewer that drives,
-    /// and holds the tracks against all behaviours.
-    ///
-    /// # Errors
-    /// If the run has ended.
-    pub(super) async fn stop(&self) -> Result<(), PilotClientError> {
-        let sent = self.run.set_emergency_stop(true).await;
+    /// Executes a visitor's STOP, and takes the drive lock from the viewer that drives.
+    pub(super) async fn stop(&self, by: &str) -> StopOutcome {
+        let engaged = self.run.engage_stop(by);
         self.lock_viewers().driver = None;
-        sent
-    }
-
-    /// Releases STOP: the robot may move again.
-    ///
-    /// # Errors
-    /// If the run has ended.
-    pub(super) async fn release_stop(&self) -> Result<(), PilotClientError> {
-        self.run.set_emergency_stop(false).await
+        engaged.await
     }
 
     /// Holds the tracks whenever STOP holds, also one of an earlier program.
@@ -292,7 +282,7 @@ impl Broadcast {
         let driver = viewers.driver.as_ref().map(|(person, _)| person.clone());
         People {
             driver,
-            viewers: viewers.count,
+            viewers: viewers.open.len(),
         }
     }
 }

@@ -234,6 +234,7 @@ impl From<Light> for wire::Led {
 pub(super) fn to_message(answer: RunResponse) -> Done {
     match answer {
         RunResponse::Done
+        | RunResponse::Stopped { .. }
         | RunResponse::Overview(_)
         | RunResponse::Picture(_)
         | RunResponse::Behaviours(_) => (true, String::new()),

@@ -17,6 +17,7 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
+use super::api::name_of;
 use super::broadcast::{Broadcast, text};
 use super::command::{PageCommand, perform};
 use super::log::Line;
@@ -31,8 +32,10 @@ use crate::robot::{Frame, Setpoint};
 pub(super) const MAX_MESSAGE: usize = 16 * 1024;
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a page may be silent, without even a pong.
-const SILENCE_TIMEOUT: Duration = Duration::from_secs(20);
-const PING: Duration = Duration::from_secs(5);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(10);
+const PING: Duration = Duration::from_secs(2);
+/// How often a page hears at least something, so that it knows that it is connected.
+const HEARTBEAT: Duration = Duration::from_millis(500);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
 const MAX_MESSAGES: u32 = 200;
 const MAX_COMMANDS: usize = 8;
@@ -69,6 +72,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     let access = broadcast.access.clone();
     let visitor = viewer.visitor.clone();
     let revoked = access.revoked(&visitor);
+    let evicted = viewer.evicted.clone();
     tokio::pin!(revoked);
     let writer = Writer {
         broadcast,
@@ -94,6 +98,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         let message = tokio::select! {
             biased;
             () = &mut revoked => return,
+            () = evicted.cancelled() => return,
             message = timeout(SILENCE_TIMEOUT, stream.next()) => message,
             _ = &mut writing => return,
         };
@@ -151,9 +156,11 @@ impl Reader {
                 .taken
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.viewer.rename(&name),
-            FromPage::Stop => drop(self.viewer.broadcast().stop().await),
+            FromPage::Stop => self.stop(),
             FromPage::ResetStop if self.viewer.visitor.role == Role::Driver => {
-                let _ = self.viewer.broadcast().release_stop().await;
+                let by = name_of("the page", &self.viewer.visitor);
+                let run = self.viewer.broadcast().run.clone();
+                tokio::spawn(async move { run.reset_stop(&by).await });
             }
             FromPage::ResetStop => self.notice("viewer_only", String::new()),
             FromPage::DriveLock { take: true } => self.take_drive_lock(),
@@ -161,6 +168,14 @@ impl Reader {
             FromPage::Drive { left, right } => self.drive(left, right),
             FromPage::Command { id, command } => self.execute(id, command),
         }
+    }
+
+    /// Executes STOP in a task of its own, also if the page is closed at once. The page learns the
+    /// outcome from the state.
+    fn stop(&self) {
+        let by = name_of("the page", &self.viewer.visitor);
+        let broadcast = self.viewer.broadcast().clone();
+        tokio::spawn(async move { broadcast.stop(&by).await });
     }
 
     fn take_drive_lock(&mut self) {
@@ -262,6 +277,9 @@ impl Writer {
         let mut feeds = Feeds::default();
         let mut ping = interval(PING);
         ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let opened = Instant::now();
+        let mut heartbeat = interval(HEARTBEAT);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             let watch = *self.watched.borrow();
             let ready = watch.camera && self.frames_under_way() < FRAMES;
@@ -274,6 +292,10 @@ impl Writer {
                     self.update(watch, &mut feeds, sink).await?;
                 }
                 changed = self.taken.changed() => changed.ok()?,
+                _ = heartbeat.tick() => {
+                    let milliseconds = opened.elapsed().as_millis() as u64;
+                    send_text(sink, text(&ToPage::Heartbeat { milliseconds })).await?;
+                }
                 Ok(()) = state.changed() => {
                     let text = state.borrow_and_update().clone();
                     send_text(sink, text).await?;

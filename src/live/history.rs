@@ -34,6 +34,8 @@ const KINDS: Kinds = Kinds::Of(&[
     "safety",
     "given_up",
     "start_missed",
+    "stop_engaged",
+    "stop_reset",
     "started",
     "ended",
     "picture",

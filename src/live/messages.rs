@@ -72,6 +72,12 @@ pub(super) struct Watch {
 pub(super) enum ToPage<'a> {
     /// The first message.
     Hello(Hello),
+    /// Sent twice a second, so that the page knows that it is connected, and how late messages
+    /// arrive.
+    Heartbeat {
+        /// Since the connection was opened, by the server's clock.
+        milliseconds: u64,
+    },
     /// The state of the run.
     State(&'a State),
     /// The history of the battery: seconds before now, percent, charging.

@@ -11,7 +11,7 @@ use super::history::{History, Start};
 use super::scripts::{Behaviour, Text};
 use super::state::State;
 use crate::clock::Span;
-use crate::control::Report;
+use crate::control::{Report, StopReport};
 use crate::http::Me;
 use crate::robot::{ParamValue, Percent};
 
@@ -262,12 +262,6 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         });
     };
     post(
-        "/api/stop",
-        "STOP: nothing moves the robot until it is released.",
-        "viewer",
-        Body::Nothing,
-    );
-    post(
         "/api/reset-stop",
         "Release STOP: the robot may move again.",
         "driver",
@@ -285,6 +279,13 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         "driver",
         Body::Samples,
     );
+    calls.push(Call {
+        path: "/api/stop",
+        about: "STOP: nothing moves the robot until it is released. Responds when the robot has confirmed it, or after two seconds.",
+        role: Some("viewer"),
+        takes: Some(Body::Nothing),
+        gives: Gives::Json(shape_of::<StopReport>(generator)),
+    });
     let bodies = [
         (
             "/api/led",

@@ -196,6 +196,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/history.js", JS, include_str!("page/history.js")),
     ("/robot.js", JS, include_str!("page/robot.js")),
     ("/script.js", JS, include_str!("page/script.js")),
+    ("/stop.js", JS, include_str!("page/stop.js")),
     ("/simulation.js", JS, include_str!("page/simulation.js")),
     ("/texts.js", JS, include_str!("page/texts.js")),
 ];

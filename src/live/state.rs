@@ -7,7 +7,7 @@ use serde::Serialize;
 use tokio::time::Instant;
 
 use crate::control::{Next, Run, Start};
-use crate::robot::{RobotInfo, Use};
+use crate::robot::{RobotInfo, StopConfirmation, Use};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::Stream;
 
@@ -29,6 +29,8 @@ pub(super) struct State {
     pub low: bool,
     /// Whether a person has stopped the robot with STOP, and the stop still holds.
     pub emergency_stop: bool,
+    /// What is known of that stop at the robot.
+    pub stop_confirmation: StopConfirmation,
     /// The battery, if known.
     pub battery: Option<Level>,
     /// The power of the left and the right track, percent.
@@ -154,6 +156,7 @@ pub(super) fn state(
         docked: status.docked,
         low: status.low,
         emergency_stop: status.emergency_stop,
+        stop_confirmation: status.stop,
         battery: status.battery.map(|battery| Level {
             percent: battery.percent.get(),
             charging: battery.charging,

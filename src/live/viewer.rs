@@ -1,13 +1,15 @@
 //! One viewer: name, role, and the drive lock if the viewer has it.
 
+use std::cmp::Reverse;
 use std::future::Future;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::sync::watch;
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
-use super::broadcast::Broadcast;
+use super::broadcast::{Broadcast, ViewerList};
 use super::manual_drive;
 use super::state::Person;
 use crate::http::{Role, Visitor};
@@ -22,13 +24,50 @@ pub(super) struct Viewer {
     broadcast: Arc<Broadcast>,
     pub(super) id: u32,
     pub(super) visitor: Visitor,
+    /// Cancelled when another viewer needs the place.
+    pub(super) evicted: CancellationToken,
     name: Mutex<String>,
 }
 
 impl Drop for Viewer {
     fn drop(&mut self) {
         self.release_drive_lock();
-        self.broadcast.lock_viewers().count -= 1;
+        let mut viewers = self.broadcast.lock_viewers();
+        viewers.open.retain(|page| page.id != self.id);
+    }
+}
+
+/// The place of a viewer.
+#[derive(Debug)]
+pub(super) struct OpenPage {
+    id: u32,
+    visitor: Visitor,
+    evicted: CancellationToken,
+}
+
+impl ViewerList {
+    /// Returns the page that must make room for one of this visitor: a viewer's for a driver's;
+    /// among equals, one of those who have more pages open. Never the one that drives.
+    fn to_evict(&self, visitor: &Visitor) -> Option<usize> {
+        let count = |one: &Visitor| self.open.iter().filter(|page| page.visitor == *one).count();
+        let own = count(visitor);
+        let driver = self.driver.as_ref().map(|(person, _)| person.id);
+        let yields = |page: &OpenPage| {
+            let role = page.visitor.role;
+            let has_more = role == visitor.role && count(&page.visitor) > own + 1;
+            driver != Some(page.id) && (role < visitor.role || has_more)
+        };
+        let pages = self.open.iter().enumerate();
+        pages
+            .filter(|(_, page)| yields(page))
+            .max_by_key(|(index, page)| {
+                (
+                    Reverse(page.visitor.role),
+                    count(&page.visitor),
+                    Reverse(*index),
+                )
+            })
+            .map(|(index, _)| index)
     }
 }
 
@@ -45,14 +84,20 @@ pub(super) enum DriveLockError {
 }
 
 impl Viewer {
-    /// Admits a viewer; `None` if there are too many.
+    /// Admits a viewer; `None` if there are too many, and none must make room for this one.
     pub(super) fn admit(broadcast: &Arc<Broadcast>, visitor: Visitor) -> Option<Viewer> {
         let mut viewers = broadcast.lock_viewers();
-        if viewers.count >= broadcast.most_viewers {
-            return None;
+        if viewers.open.len() >= broadcast.most_viewers {
+            let index = viewers.to_evict(&visitor)?;
+            viewers.open.remove(index).evicted.cancel();
         }
-        viewers.count += 1;
         let id = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let evicted = CancellationToken::new();
+        viewers.open.push(OpenPage {
+            id,
+            visitor: visitor.clone(),
+            evicted: evicted.clone(),
+        });
         let name = match &visitor.key {
             Some(key) => key.name.clone(),
             None => format!("#{id}"),
@@ -61,6 +106,7 @@ impl Viewer {
             broadcast: broadcast.clone(),
             id,
             visitor,
+            evicted,
             name: Mutex::new(name),
         })
     }

@@ -538,6 +538,7 @@ impl CommandTasks {
         chosen: Option<String>,
     ) {
         let drives = matches!(command, BrokerCommand::Dock | BrokerCommand::Undock);
+        let stops = matches!(command, BrokerCommand::Stop | BrokerCommand::ResetStop);
         if drives || command == BrokerCommand::Stop {
             // Cancel the previous docking or undocking: the pilot then ends it.
             self.cancel_driving();
@@ -545,7 +546,7 @@ impl CommandTasks {
         if self.tasks.len() >= MAX_STOPS {
             return;
         }
-        let full = self.tasks.len() >= MAX_TASKS && command != BrokerCommand::Stop;
+        let full = self.tasks.len() >= MAX_TASKS && !stops;
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
             let words = command.to_string();
@@ -598,6 +599,18 @@ impl CommandTasks {
 
 type Done = Result<Option<String>, String>;
 
+/// Who commands, in the journal; the protocol does not name the client.
+const BROKER: &str = "the MQTT broker";
+
+/// Engages STOP, then ends all behaviours.
+async fn stop(run: &Run) -> Done {
+    let stopped = run.engage_stop(BROKER).await.to_string();
+    match run.end_behaviours().await {
+        Ok(()) => Ok(Some(stopped)),
+        Err(why) => Err(format!("{stopped}; but {why}")),
+    }
+}
+
 async fn perform(
     run: &Run,
     command: BrokerCommand,
@@ -605,7 +618,8 @@ async fn perform(
 ) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
     let request = match command {
-        BrokerCommand::Stop => return (outcome_of(run.stop_behaviours().await), None),
+        BrokerCommand::Stop => return (stop(run).await, None),
+        BrokerCommand::ResetStop => return (run.reset_stop(BROKER).await.map(|()| None), None),
         BrokerCommand::Start => match chosen {
             Some(name) => RunRequest::Behaviour { name, change },
             None => return (Err("there is no behaviour to start".to_owned()), None),

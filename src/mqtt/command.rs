@@ -11,8 +11,10 @@ const LONGEST: usize = 1024;
 pub enum BrokerCommand {
     /// Start the chosen behaviour.
     Start,
-    /// Stop the robot and end all behaviours.
+    /// STOP: the robot stands until a person releases it. Also ends all behaviours.
     Stop,
+    /// Release STOP.
+    ResetStop,
     /// Drive to the station.
     Dock,
     /// Leave the station.
@@ -41,7 +43,7 @@ pub enum BrokerCommandError {
     Json(String),
     /// No such command.
     #[error(
-        "`{0}` is not a command; the commands are start, stop, return_to_base, dock, undock, locate, snapshot and \
+        "`{0}` is not a command; the commands are start, stop, reset_stop, return_to_base, dock, undock, locate, snapshot and \
          run NAME"
     )]
     Unknown(String),
@@ -76,6 +78,7 @@ impl BrokerCommand {
         Ok(match words {
             "start" => BrokerCommand::Start,
             "stop" => BrokerCommand::Stop,
+            "reset_stop" => BrokerCommand::ResetStop,
             "return_to_base" | "dock" => BrokerCommand::Dock,
             "undock" => BrokerCommand::Undock,
             "locate" => BrokerCommand::Locate,
@@ -101,6 +104,7 @@ impl std::fmt::Display for BrokerCommand {
         f.write_str(match self {
             BrokerCommand::Start => "start",
             BrokerCommand::Stop => "stop",
+            BrokerCommand::ResetStop => "reset_stop",
             BrokerCommand::Dock => "return_to_base",
             BrokerCommand::Undock => "undock",
             BrokerCommand::Locate => "locate",

@@ -9,7 +9,7 @@ use super::topics::Topics;
 use crate::robot::RobotInfo;
 
 /// The event types of the event entity; battery and watchdog are in the state.
-pub(super) const EVENTS: [&str; 12] = [
+pub(super) const EVENTS: [&str; 14] = [
     "link_up",
     "link_down",
     "safety",
@@ -19,6 +19,8 @@ pub(super) const EVENTS: [&str; 12] = [
     "ended",
     "given_up",
     "start_missed",
+    "stop_engaged",
+    "stop_reset",
     "picture",
     "entry",
     "notify",
@@ -93,6 +95,7 @@ fn components(topics: &Topics, behaviours: &[String]) -> Value {
         ("dock", "Dock", "mdi:home-import-outline"),
         ("undock", "Undock", "mdi:home-export-outline"),
         ("stop", "Stop", "mdi:stop"),
+        ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
         ("snapshot", "Take a picture", "mdi:camera"),
     ] {
         all.add("button", payload, name.into(), button(payload, icon));

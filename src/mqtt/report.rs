@@ -23,6 +23,8 @@ pub(super) struct Report {
     dock: Option<DockEnd>,
     /// Behaviours that failed and have not started since, with their error messages.
     failures: BTreeMap<String, String>,
+    /// Who pressed the STOP that holds, if that happened in this program.
+    stopped_by: Option<String>,
     /// The behaviour chosen for `start`, if any.
     chosen: Option<String>,
 }
@@ -39,6 +41,8 @@ impl Report {
                 }
                 _ => {}
             },
+            AgentEvent::StopEngaged { by } => self.stopped_by = Some(by.clone()),
+            AgentEvent::StopReset { .. } => self.stopped_by = None,
             AgentEvent::Watchdog { docked: true, .. } => self.dock = None,
             AgentEvent::Started { behaviour } => {
                 self.failures.remove(behaviour);
@@ -94,6 +98,16 @@ impl Report {
 
     /// Describes the problem that needs a person's attention, if there is one.
     fn reason(&self, status: &Status) -> Option<String> {
+        if status.emergency_stop {
+            let by = self
+                .stopped_by
+                .as_deref()
+                .unwrap_or("in an earlier program");
+            return Some(format!(
+                "a person has stopped the robot ({by}): nothing drives or starts until a person \
+                 releases it"
+            ));
+        }
         match (status.link, status.safety) {
             (LinkState::Connecting, _) => Some("the robot has not answered yet".to_owned()),
             (LinkState::Lost, _) => {
@@ -136,6 +150,8 @@ impl Report {
             "charging": status.battery.is_some_and(|battery| battery.charging),
             "docked": status.docked,
             "low": status.low,
+            "emergency_stop": status.emergency_stop,
+            "stop_confirmation": status.stop,
             "link": status.link.name(),
             "watchdog": status.safety.to_string(),
             "dock_state": status.dock_state.to_string(),
@@ -153,6 +169,7 @@ impl Report {
 fn activity(status: &Status, running: bool) -> &'static str {
     match (status.link, status.safety) {
         (LinkState::Connecting | LinkState::Lost, _) | (_, WatchdogState::Alarm) => "error",
+        _ if status.emergency_stop => "error",
         (_, WatchdogState::Docking | WatchdogState::LowGoingHome) => "returning",
         _ if status.docked => "docked",
         _ if running => "cleaning",
@@ -246,6 +263,34 @@ mod tests {
         assert_eq!(report.state(&free, &[], None)["reason"], Value::Null);
         report.record_event(&ended(EndReason::Cancelled));
         assert_eq!(report.state(&free, &[], None)["problem"], false);
+    }
+
+    #[test]
+    fn a_stop_is_a_problem_with_its_reason_until_it_is_released() {
+        let mut report = Report::default();
+        let stopped = Status {
+            emergency_stop: true,
+            ..up(WatchdogState::LowGoingHome)
+        };
+        let by = "the page, token sofa".to_owned();
+        report.record_event(&AgentEvent::StopEngaged { by });
+        let state = report.state(&stopped, &[], None);
+        assert_eq!(
+            (&state["problem"], &state["state"]),
+            (&true.into(), &"error".into())
+        );
+        let reason = state["reason"].as_str().unwrap();
+        assert!(
+            reason.contains("token sofa") && reason.contains("releases"),
+            "{reason}"
+        );
+        let by = "the MQTT broker".to_owned();
+        report.record_event(&AgentEvent::StopReset { by });
+        let state = report.state(&up(WatchdogState::Free), &[], None);
+        assert_eq!(
+            (&state["problem"], &state["emergency_stop"]),
+            (&false.into(), &false.into())
+        );
     }
 
     #[test]

@@ -96,12 +96,9 @@ fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8])
     bytes
 }
 
-/// The message to publish.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrokerMessage {
-    /// The topic.
     pub topic: String,
-    /// The payload.
     pub payload: Vec<u8>,
     /// Timeout for the broker's confirmation.
     pub limit: Duration,

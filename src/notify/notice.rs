@@ -29,7 +29,7 @@ pub enum Rule {
     StartMissed,
     /// A script called `notify.send`.
     Script,
-    /// `spykee notify test`; every target receives it.
+    /// `spykee config test-notify`; every target receives it.
     Test,
 }
 
@@ -50,12 +50,9 @@ impl Rule {
     }
 }
 
-/// A notification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
-    /// The rule that caused it.
     pub rule: Rule,
-    /// The text for people.
     pub text: String,
     /// The robot's name or uid; `spykee` while none is known.
     pub robot: String,
@@ -73,7 +70,6 @@ impl Notice {
     }
 }
 
-/// The result of a delivery.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Delivery {
     /// The message was delivered.

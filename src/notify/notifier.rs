@@ -72,13 +72,7 @@ impl Notifier {
                 data: data.to_owned(),
                 abort: abort.clone(),
             };
-            let alive = alive.clone();
-            let life = move || {
-                sender.run(&woken);
-                drop(alive);
-            };
-            let thread = std::thread::Builder::new().name("notify".into());
-            thread.spawn(life).map_err(NotifyError::Thread)?;
+            spawn("notify", &alive, move || sender.run(&woken))?;
             queues.push(TargetQueue {
                 name: name.clone(),
                 target: target.clone(),
@@ -95,12 +89,9 @@ impl Notifier {
         };
         let listener = bus.subscribe();
         let stopped = stop.clone();
-        let life = move || {
+        spawn("notify-rules", &alive, move || {
             runtime.block_on(dispatcher.run(listener, stopped));
-            drop(alive);
-        };
-        let thread = std::thread::Builder::new().name("notify-rules".into());
-        thread.spawn(life).map_err(NotifyError::Thread)?;
+        })?;
         Ok(Notifier { stop, abort, ended })
     }
 
@@ -123,6 +114,22 @@ impl Notifier {
         let ended = self.ended.recv_timeout(limit);
         ended == Err(mpsc::RecvTimeoutError::Disconnected)
     }
+}
+
+/// Starts a thread that keeps a copy of `alive` until its end.
+fn spawn(
+    name: &str,
+    alive: &mpsc::SyncSender<()>,
+    life: impl FnOnce() + Send + 'static,
+) -> Result<(), NotifyError> {
+    let alive = alive.clone();
+    let life = move || {
+        life();
+        drop(alive);
+    };
+    let thread = std::thread::Builder::new().name(name.to_owned());
+    thread.spawn(life).map_err(NotifyError::Thread)?;
+    Ok(())
 }
 
 impl Drop for Notifier {

@@ -17,7 +17,6 @@ const MAX_TARGETS: usize = 8;
 const LONGEST_NAME: usize = 40;
 /// Maximum length of a topic, in bytes.
 const LONGEST_TOPIC: usize = 200;
-const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
 /// Which messages go to which targets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -54,8 +53,6 @@ impl Default for Options {
 pub struct Target {
     /// The address of a webhook.
     pub url: Option<String>,
-    /// POST, PUT or PATCH [default: POST].
-    pub method: String,
     /// Header fields of a webhook.
     pub headers: BTreeMap<String, String>,
     /// A topic of the broker of `mqtt:`.
@@ -82,7 +79,6 @@ impl Default for Target {
     fn default() -> Target {
         Target {
             url: None,
-            method: "POST".to_owned(),
             headers: BTreeMap::new(),
             topic: None,
             body: None,
@@ -159,9 +155,6 @@ impl Target {
             if !known && !url.starts_with('{') {
                 return Err(TargetError::Url);
             }
-            if !METHODS.contains(&self.method.as_str()) {
-                return Err(TargetError::Method);
-            }
         }
         if self.body.is_some() && self.json.is_some() {
             return Err(TargetError::TwoBodies);
@@ -207,13 +200,9 @@ pub enum TargetError {
     /// The URL has another scheme.
     #[error("its url must begin with https:// or http://")]
     Url,
-    /// The HTTP method is not allowed.
-    #[error("its method must be one of {}", METHODS.join(", "))]
-    Method,
     /// Both `body` and `json` are given.
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
-    /// A token is given for a command.
     #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
     /// Not a valid topic, or a pattern of topics.
@@ -222,7 +211,6 @@ pub enum TargetError {
          +, # and braces"
     )]
     Topic,
-    /// A token is given for a topic.
     #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
     TokenOfTopic,
     /// A picture as a form is requested for a topic.
@@ -230,7 +218,6 @@ pub enum TargetError {
     PictureOfTopic,
 }
 
-/// Errors in [`Options`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
     /// Too many targets.
@@ -244,7 +231,6 @@ pub enum OptionsError {
     /// A target is not valid.
     #[error("notify.targets.{name}: {source}")]
     Target {
-        /// Its name.
         name: String,
         /// What is wrong with it.
         source: TargetError,
@@ -259,9 +245,6 @@ impl Options {
     }
 
     /// Checks what the types cannot express.
-    ///
-    /// # Errors
-    /// See [`OptionsError`].
     pub fn check(&self) -> Result<(), OptionsError> {
         if self.targets.len() > MAX_TARGETS {
             return Err(OptionsError::TooMany);
@@ -316,7 +299,6 @@ mod tests {
                 "{ url: 'http://a', json: { a: [{ b: '{secret}' }] } }",
                 "{secret}",
             ),
-            ("{ url: 'http://a', method: GET }", "POST"),
             ("{ url: 'http://a', body: a, json: { a: b } }", "both"),
             (
                 "{ command: [x, '{token}'], token_env: A }",

@@ -8,7 +8,7 @@ use serde_json::Value;
 use tokio::time::Instant;
 
 use super::notice::Rule;
-use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, SafetyAction};
+use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, RobotInfo, STOP_HOLDS, SafetyAction};
 
 /// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
@@ -38,6 +38,8 @@ pub(super) struct Rules {
     robot: Option<String>,
     battery: Option<Battery>,
     low: bool,
+    /// Whether people know that the STOP which holds prevents starts.
+    stop_told: bool,
     /// When each problem was last reported, by rule and subject.
     last_reported: BTreeMap<(Rule, String), Instant>,
 }
@@ -50,6 +52,7 @@ impl Rules {
             robot: None,
             battery: None,
             low: false,
+            stop_told: false,
             last_reported: BTreeMap::new(),
         }
     }
@@ -58,22 +61,24 @@ impl Rules {
         self.robot.as_deref().unwrap_or("spykee")
     }
 
+    fn link_up(&mut self, robot: &RobotInfo) -> Option<Notification> {
+        let name = if robot.name.is_empty() {
+            &robot.uid
+        } else {
+            &robot.name
+        };
+        self.robot = Some(name.clone());
+        let was = std::mem::replace(&mut self.link, Link::Up);
+        if !matches!(was, Link::Missing) {
+            return None;
+        }
+        let text = format!("{name} is in reach again");
+        Some(notification(Rule::Unreachable, text))
+    }
+
     pub(super) fn handle_event(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
         match what {
-            AgentEvent::LinkUp { robot, .. } => {
-                let name = if robot.name.is_empty() {
-                    &robot.uid
-                } else {
-                    &robot.name
-                };
-                self.robot = Some(name.clone());
-                let was = std::mem::replace(&mut self.link, Link::Up);
-                if !matches!(was, Link::Missing) {
-                    return None;
-                }
-                let text = format!("{name} is in reach again");
-                Some(notification(Rule::Unreachable, text))
-            }
+            AgentEvent::LinkUp { robot, .. } => self.link_up(robot),
             AgentEvent::LinkDown { reason } => {
                 if let Link::Up = self.link {
                     self.link = Link::Down(now, Some(reason.clone()));
@@ -104,6 +109,13 @@ impl Rules {
                     format!("docking failed after {seconds:.0} s: {why} (requested by {by})");
                 self.once(Rule::NotDocked, "", text, now)
             }
+            _ => self.of_behaviour(what, now),
+        }
+    }
+
+    /// Handles what a behaviour did.
+    fn of_behaviour(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
+        match what {
             AgentEvent::Ended {
                 behaviour,
                 reason: EndReason::Error | EndReason::Cpu | EndReason::Memory,
@@ -117,6 +129,19 @@ impl Rules {
             AgentEvent::GivenUp { behaviour, message } => {
                 let text = format!("{behaviour} is given up, it failed too often: {message}");
                 Some(notification(Rule::RunFailed, text))
+            }
+            AgentEvent::StopReset { .. } => {
+                self.stop_told = false;
+                None
+            }
+            AgentEvent::StartMissed { behaviour, reason } if reason == STOP_HOLDS => {
+                if std::mem::replace(&mut self.stop_told, true) {
+                    return None;
+                }
+                let text = format!(
+                    "{behaviour} did not start, and nothing else will by the timetable: {reason}"
+                );
+                Some(notification(Rule::StartMissed, text))
             }
             AgentEvent::StartMissed { behaviour, reason } => {
                 let text = format!("{behaviour} did not start: {reason}");
@@ -417,5 +442,24 @@ mod tests {
         }
         let notification = Rules::new(LONG, now).handle_event(&dock(DockEnd::BaseNotFound), now);
         assert_eq!(notification.unwrap().rule, Rule::NotDocked);
+    }
+
+    #[test]
+    fn that_a_stop_prevents_starts_is_told_once_until_it_is_released() {
+        let now = Instant::now();
+        let mut rules = Rules::new(LONG, now);
+        let missed = |behaviour: &str| AgentEvent::StartMissed {
+            behaviour: behaviour.to_owned(),
+            reason: STOP_HOLDS.to_owned(),
+        };
+        let told = rules.handle_event(&missed("patrol"), now).unwrap();
+        assert!(told.text.contains("reset-stop"), "{}", told.text);
+        for day in 1..10 {
+            let later = now + Duration::from_secs(86_400 * day);
+            assert_eq!(rules.handle_event(&missed("guard"), later), None);
+        }
+        let by = "the page".to_owned();
+        assert_eq!(rules.handle_event(&AgentEvent::StopReset { by }, now), None);
+        assert!(rules.handle_event(&missed("patrol"), now).is_some());
     }
 }

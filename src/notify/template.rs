@@ -22,7 +22,6 @@ pub(super) enum Slot {
     Header,
 }
 
-/// An unknown placeholder.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown placeholder {{{0}}}; valid are {known}", known = known())]
 pub struct UnknownName(String);
@@ -33,9 +32,6 @@ fn known() -> String {
 }
 
 /// Checks that all placeholders are known.
-///
-/// # Errors
-/// Names the unknown placeholder.
 pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     for name in parts(template).filter_map(|part| part.err()) {
         if !NAMES.contains(&name) {

@@ -30,7 +30,6 @@ pub(super) fn send(
 /// Why no valid request results after the placeholders are replaced.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
-    /// The address.
     #[error("its url is not valid")]
     Url,
     /// The header field of this name.
@@ -51,7 +50,7 @@ pub fn request(
 ) -> Result<Request<Vec<u8>>, RequestError> {
     let content = content(target, token, notice, picture);
     let url = fill(url, notice, token, Slot::Url);
-    let request = Request::builder().method(target.method.as_str()).uri(url);
+    let request = Request::post(url);
     let mut request = request
         .header("content-type", content.kind.as_ref())
         .body(content.bytes)

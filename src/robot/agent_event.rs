@@ -125,6 +125,16 @@ pub enum AgentEvent {
         /// Why.
         reason: String,
     },
+    /// A person has pressed STOP: the robot stands until a person releases it.
+    StopEngaged {
+        /// Who.
+        by: String,
+    },
+    /// A person has released STOP.
+    StopReset {
+        /// Who.
+        by: String,
+    },
     /// A behaviour has saved a picture.
     Picture {
         /// Its name.
@@ -167,6 +177,8 @@ impl AgentEvent {
             AgentEvent::Ended { .. } => "ended",
             AgentEvent::GivenUp { .. } => "given_up",
             AgentEvent::StartMissed { .. } => "start_missed",
+            AgentEvent::StopEngaged { .. } => "stop_engaged",
+            AgentEvent::StopReset { .. } => "stop_reset",
             AgentEvent::Picture { .. } => "picture",
             AgentEvent::Entry { .. } => "entry",
             AgentEvent::Notify { .. } => "notify",
@@ -332,6 +344,8 @@ mod tests {
                 behaviour: behaviour.clone(),
                 reason: text(),
             },
+            AgentEvent::StopEngaged { by: text() },
+            AgentEvent::StopReset { by: text() },
             AgentEvent::Picture {
                 behaviour: behaviour.clone(),
                 path: "data/patrol/1.jpg".into(),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::refusal::BehavioursError;
+use super::refusal::CallError;
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::check::{self, Diagnostic};
@@ -26,15 +26,15 @@ pub(super) struct Behaviours {
 }
 
 impl Behaviours {
-    pub(super) fn load(&self, named: &[Value]) -> Result<Vec<Behaviour>, BehavioursError> {
+    pub(super) fn load(&self, named: &[Value]) -> Result<Vec<Behaviour>, CallError> {
         let mut entries = named
             .iter()
             .filter(|value| !value.is_null())
             .map(|value| self.entry(value))
-            .collect::<Result<Vec<Entry>, BehavioursError>>()?;
+            .collect::<Result<Vec<Entry>, CallError>>()?;
         if entries.is_empty() {
             let subject = self.subject.clone();
-            let subject = subject.ok_or(BehavioursError::NoSubject)?;
+            let subject = subject.ok_or(CallError::NoSubject)?;
             entries.push(Entry::new(subject));
         }
         let mut names = Vec::new();
@@ -42,7 +42,7 @@ impl Behaviours {
             let name = entry.name()?;
             names.push(name.clone());
             if names[..names.len() - 1].contains(&name) {
-                return Err(BehavioursError::DuplicateName(name));
+                return Err(CallError::DuplicateBehaviour(name));
             }
         }
         let seeds = self.seed..;
@@ -52,14 +52,14 @@ impl Behaviours {
             .collect()
     }
 
-    fn entry(&self, value: &Value) -> Result<Entry, BehavioursError> {
+    fn entry(&self, value: &Value) -> Result<Entry, CallError> {
         let mut entry = match value {
             Value::String(path) => Entry::new(PathBuf::from(path)),
             Value::Object(_) => serde_json::from_value(value.clone())?,
-            _ => return Err(BehavioursError::Kind),
+            _ => return Err(CallError::Kind),
         };
         let folder = self.folder.as_ref();
-        let folder = folder.ok_or(BehavioursError::NoFolder)?;
+        let folder = folder.ok_or(CallError::NoFolder)?;
         entry.file = folder.join(&entry.file);
         Ok(entry)
     }
@@ -69,13 +69,13 @@ impl Behaviours {
         self.config.time_zone.clone().unwrap_or_else(Zone::utc)
     }
 
-    fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, BehavioursError> {
+    fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, CallError> {
         let file = &entry.file;
         let named = is_script(file) && file.canonicalize().map_or(true, |file| is_script(&file));
         if !named {
-            return Err(BehavioursError::NoScript(file.clone()));
+            return Err(CallError::NoScript(file.clone()));
         }
-        let source = read_source(file).map_err(|source| BehavioursError::Read {
+        let source = read_source(file).map_err(|source| CallError::Read {
             path: file.clone(),
             source,
         })?;
@@ -111,12 +111,12 @@ fn is_script(file: &Path) -> bool {
 }
 
 /// Rejects a behaviour if the checks that precede every run find errors in it.
-fn reject_errors(source: &[u8], options: &script::Options) -> Result<(), BehavioursError> {
+fn reject_errors(source: &[u8], options: &script::Options) -> Result<(), CallError> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Diagnostic::text).collect();
     if errors.is_empty() {
         Ok(())
     } else {
-        Err(BehavioursError::Mistakes(errors.join("\n\n")))
+        Err(CallError::Mistakes(errors.join("\n\n")))
     }
 }

@@ -33,14 +33,6 @@ pub(super) enum CallError {
     Date(#[from] ClockError),
     #[error("{0}")]
     Fault(String),
-    #[error(transparent)]
-    World(#[from] WorldError),
-    #[error(transparent)]
-    Behaviours(#[from] BehavioursError),
-}
-
-#[derive(Debug, thiserror::Error)]
-pub(super) enum WorldError {
     #[error("{0} is not a world: it links to a file of another kind")]
     Elsewhere(String),
     #[error(transparent)]
@@ -49,21 +41,17 @@ pub(super) enum WorldError {
         "there is no world '{name}'{near} (built-in: {known}; or a file, such as \
          \"house.yaml\")"
     )]
-    Unknown {
+    UnknownWorld {
         name: String,
         near: String,
         known: String,
     },
-}
-
-#[derive(Debug, thiserror::Error)]
-pub(super) enum BehavioursError {
     #[error("name a behaviour, such as sim:run(\"patrol.lua\")")]
     NoSubject,
     #[error(transparent)]
     Name(#[from] NameError),
     #[error("two behaviours are called '{0}': give one of them another name")]
-    DuplicateName(String),
+    DuplicateBehaviour(String),
     #[error(transparent)]
     Table(#[from] serde_json::Error),
     #[error(

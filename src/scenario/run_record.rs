@@ -77,10 +77,6 @@ impl RunRecord {
     }
 
     /// Returns the behaviours' log lines that contain this text.
-    ///
-    /// # Errors
-    /// Too many lines were written to keep all of them, so an expectation that counts lines would
-    /// be wrong.
     pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
         let state = self.state();
         if state.missed > 0 {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio::time::Instant;
 
-use super::refusal::{CallError, WorldError};
+use super::refusal::CallError;
 use super::running_api::{Arguments, seconds};
 use crate::behaviour::{Library, read_source};
 use crate::check;
@@ -26,7 +26,6 @@ const MAX_SCENARIOS: usize = 1000;
 /// not control a robot.
 const BUDGET_MS: u64 = 2000;
 
-/// A file of scenarios.
 #[derive(Debug, Clone)]
 pub struct ScenarioFile {
     file: PathBuf,
@@ -36,12 +35,10 @@ pub struct ScenarioFile {
     scenarios: Vec<Scenario>,
 }
 
-/// The declaration of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// Unique in its file.
     pub name: String,
-    /// Its options.
     pub options: Options,
     /// The line of its declaration, from 1.
     pub line: u32,
@@ -50,7 +47,6 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// Returns the seeds with which to run it.
     pub fn seeds(&self) -> RangeInclusive<u64> {
         1..=self.options.seeds
     }
@@ -62,7 +58,6 @@ pub enum ScenarioFileError {
     /// The file cannot be read.
     #[error("cannot read the scenarios {path}: {source}")]
     Read {
-        /// The file.
         path: String,
         /// The system's error.
         source: std::io::Error,
@@ -279,7 +274,7 @@ impl ScenarioApi for DeclarationApi {
 }
 
 /// Loads the built-in world with this name, or a world file in this folder.
-pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, WorldError> {
+pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, CallError> {
     let Some(name) = name else {
         return Ok(World::default_world());
     };
@@ -296,13 +291,13 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         let path = folder.join(name);
         // Error messages quote the content, so only world files may be read, also through links.
         if path.canonicalize().is_ok_and(|path| !is_world(&path)) {
-            return Err(WorldError::Elsewhere(name.to_owned()));
+            return Err(CallError::Elsewhere(name.to_owned()));
         }
         return Ok(World::load(&path)?);
     }
     let near = suggestion(name, World::builtin_names());
     let known = World::builtin_names().collect::<Vec<_>>().join(", ");
-    Err(WorldError::Unknown {
+    Err(CallError::UnknownWorld {
         name: name.to_owned(),
         near,
         known,

@@ -22,7 +22,7 @@ use super::scenario_file::{Scenario, ScenarioFile, load_world};
 use crate::agent::{AgentError, Outcome};
 use crate::clock::until;
 use crate::config::Config;
-use crate::robot::{Bus, EndReason};
+use crate::robot::EndReason;
 use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
 use crate::simulation::{self, Simulation};
@@ -46,7 +46,6 @@ pub struct RunSettings {
     pub stop: CancellationToken,
 }
 
-/// The result of a scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ScenarioResult {
     /// Duration in virtual time.
@@ -66,7 +65,6 @@ pub struct Failure {
     pub cause: Cause,
     /// The place in the scenario.
     pub location: Option<SourceLocation>,
-    /// The text of that line.
     pub line: Option<String>,
     /// What to do, if that is known.
     pub help: Option<String>,
@@ -130,6 +128,25 @@ struct FailureReason {
     location: Option<SourceLocation>,
 }
 
+impl RunSettings {
+    fn simulation_options(&self, seed: u64, fps: Option<f64>) -> simulation::Options {
+        simulation::Options {
+            seed,
+            sim: sim::Options {
+                fps,
+                firmware: self.firmware.clone(),
+                faults: Some(Vec::new()),
+                ..sim::Options::default()
+            },
+            limits: self.config.watchdog.clone(),
+            link: self.config.link.clone(),
+            streams: self.config.streams,
+            stop: self.stop.clone(),
+            ..simulation::Options::default()
+        }
+    }
+}
+
 impl ScenarioFile {
     /// Runs a scenario of this file with a seed. Blocks until it is over.
     /// Fails if the system cannot create a thread or the behaviours' data folder.
@@ -144,29 +161,15 @@ impl ScenarioFile {
             None => tempfile::tempdir()?,
         };
         let options = &scenario.options;
-        let world =
-            load_world(options.world.as_deref(), self.folder()).map_err(io::Error::other)?;
-        let config = &settings.config;
+        let world = load_world(options.world.as_deref(), self.folder());
+        let world = world.map_err(io::Error::other)?;
         let record = RunRecord::default();
         let simulation_options = simulation::Options {
-            seed,
-            sim: sim::Options {
-                fps: options.fps,
-                firmware: settings.firmware.clone(),
-                faults: Some(Vec::new()),
-                ..sim::Options::default()
-            },
-            limits: config.watchdog.clone(),
-            link: config.link.clone(),
-            streams: config.streams,
-            stop: settings.stop.clone(),
             events: Some(record.recorder()),
-            date: None,
-            sim_clock: None,
-            bus: Bus::default(),
+            ..settings.simulation_options(seed, options.fps)
         };
         let behaviours = Behaviours {
-            config: config.clone(),
+            config: settings.config.clone(),
             folder: self.folder().map(Path::to_owned),
             subject: settings.subject.clone().or_else(|| self.subject()),
             data: data.path().to_owned(),

@@ -118,10 +118,6 @@ impl Declaration {
 }
 
 /// Returns the value of each declared parameter.
-///
-/// # Errors
-///
-/// If a value was given for an undeclared parameter, or a value is not allowed.
 pub(crate) fn param_values(
     declared: &BTreeMap<String, Declaration>,
     given: &BTreeMap<String, GivenParam>,
@@ -195,7 +191,6 @@ pub enum ParamOrigin {
 /// A value and where it was written, for messages.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
 pub struct GivenParam {
-    /// The value.
     pub value: ParamValue,
     /// Where it was written.
     pub origin: ParamOrigin,

@@ -40,16 +40,10 @@ pub(super) fn is_runtime_frame(source: &str) -> bool {
 pub enum Failure {
     /// The file is larger than [`super::MAX_SOURCE`].
     #[error("{chunk}: the file has {bytes} bytes; a script may have 262144 (256 KiB)")]
-    TooLarge {
-        /// The file.
-        chunk: String,
-        /// Its size.
-        bytes: usize,
-    },
+    TooLarge { chunk: String, bytes: usize },
     /// The file is not UTF-8 text.
     #[error("{chunk}:{line}: this is not UTF-8 text; save the file as UTF-8")]
     NotUtf8 {
-        /// The file.
         chunk: String,
         /// The line of the first wrong byte.
         line: usize,
@@ -59,11 +53,9 @@ pub enum Failure {
         "{chunk}:{line}: control character {byte:#04x}; a script is plain text, compiled code is not accepted"
     )]
     Control {
-        /// The file.
         chunk: String,
         /// The line of the first one.
         line: usize,
-        /// The character.
         byte: u8,
     },
     /// The compiler's error message, with file and line.
@@ -72,7 +64,6 @@ pub enum Failure {
     /// The VM cannot be created.
     #[error("{chunk}: the script cannot be started: {reason}")]
     Machine {
-        /// The file.
         chunk: String,
         /// The VM's error message.
         reason: String,
@@ -82,7 +73,6 @@ pub enum Failure {
 /// How a script has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScriptExit {
-    /// The reason.
     pub reason: EndReason,
     /// For people: file, line, what happened and what to do; or the text of `script.stop`.
     pub message: Option<String>,

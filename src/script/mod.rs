@@ -66,7 +66,8 @@ pub use frame_state::{AnnotatedFrame, LabelledBlob};
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
 pub use options::{
-    Calibration, Limits, Options, ScenarioApi, ScenarioCall, ScenarioCallError, ScenarioCallResult,
+    Calibration, Limits, NOTICES_A_DAY, Options, ScenarioApi, ScenarioCall, ScenarioCallError,
+    ScenarioCallResult,
 };
 pub use output::{Evaluated, Level, LogLine, Output};
 pub(crate) use output::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
@@ -530,7 +531,7 @@ impl Script {
         let (held, limit) = {
             let state = self.state.borrow();
             let held = Rc::clone(&state.frames.held_bytes);
-            (held, state.options.limits.frame_bytes)
+            (held, state.options.limits.memory_bytes)
         };
         if held.get() <= limit {
             return Ok(());

@@ -59,7 +59,6 @@ impl TryFrom<String> for ModuleName {
 #[error("{0}")]
 pub struct NoModule(pub String);
 
-/// The file of a module.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ModuleFile {
     /// The path with its extension, such as `lib/pid.lua`.

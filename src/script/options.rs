@@ -90,15 +90,13 @@ impl Options {
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "ScriptLimits")]
 pub struct Limits {
-    /// The memory of the VM, in bytes: 8 MiB.
+    /// The memory of the VM, and as much again of the JPEG frames that the script keeps, in bytes:
+    /// 8 MiB.
     #[serde(deserialize_with = "ranges::memory_bytes")]
     pub memory_bytes: u64,
     /// The longest run without waiting, in milliseconds, at least 10: 100.
     #[serde(deserialize_with = "ranges::callback_budget_ms")]
     pub callback_budget_ms: u64,
-    /// The total size of the JPEG frames that the script keeps, in bytes: 8 MiB.
-    #[serde(deserialize_with = "ranges::frame_bytes")]
-    pub frame_bytes: u64,
     /// The level above which sound causes a `noise` event, in dBFS: -30.
     #[serde(deserialize_with = "ranges::noise_dbfs")]
     pub noise_dbfs: f64,
@@ -106,23 +104,11 @@ pub struct Limits {
     /// deleted: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub picture_bytes: u64,
-    /// The most bytes of pictures that it may save per day, of which a 24th at once: 256 MiB. A run
-    /// with `--annotate` may save as much again for its marked copies.
+    /// The most bytes of pictures that it may save per day, of which a 24th at once: 256 MiB. Its
+    /// store may write as much (beyond that it is written once a minute), a run with `--annotate` as
+    /// much for its marked copies, its log a quarter, and the journal a 64th.
     #[serde(deserialize_with = "ranges::disk_bytes")]
-    pub picture_bytes_a_day: u64,
-    /// The most bytes that its store may write per day; beyond that it is written once a minute:
-    /// 256 MiB.
-    #[serde(deserialize_with = "ranges::disk_bytes")]
-    pub store_bytes_a_day: u64,
-    /// The most bytes that it may log per day: 64 MiB. Dropped lines are counted.
-    #[serde(deserialize_with = "ranges::disk_bytes")]
-    pub log_bytes_a_day: u64,
-    /// The most bytes that `journal.add` may add per day, including the names of pictures: 4 MiB.
-    #[serde(deserialize_with = "ranges::disk_bytes")]
-    pub journal_bytes_a_day: u64,
-    /// The most messages that `notify.send` may send per day, of which a 24th at once: 120.
-    #[serde(deserialize_with = "ranges::notices_a_day")]
-    pub notices_a_day: u64,
+    pub bytes_a_day: u64,
     /// The bytes of the disk that must stay free; with less, scripts write nothing: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub free_bytes: u64,
@@ -133,20 +119,28 @@ impl Default for Limits {
         Limits {
             memory_bytes: 8 * MIB,
             callback_budget_ms: 100,
-            frame_bytes: 8 * MIB,
             noise_dbfs: -30.0,
             picture_bytes: 64 * MIB,
-            picture_bytes_a_day: 256 * MIB,
-            store_bytes_a_day: 256 * MIB,
-            log_bytes_a_day: 64 * MIB,
-            journal_bytes_a_day: 4 * MIB,
-            notices_a_day: 120,
+            bytes_a_day: 256 * MIB,
             free_bytes: 64 * MIB,
         }
     }
 }
 
+/// The most messages that `notify.send` may send per day, of which a 24th at once.
+pub const NOTICES_A_DAY: u64 = 120;
+
 impl Limits {
+    /// The most bytes that the script may log per day. Dropped lines are counted.
+    pub fn log_bytes_a_day(&self) -> u64 {
+        self.bytes_a_day / 4
+    }
+
+    /// The most bytes that `journal.add` may add per day, including the names of pictures.
+    pub fn journal_bytes_a_day(&self) -> u64 {
+        self.bytes_a_day / 64
+    }
+
     /// How long the script may run without waiting.
     pub fn callback_budget(&self) -> Duration {
         Duration::from_millis(self.callback_budget_ms.max(10))
@@ -169,14 +163,6 @@ mod ranges {
         )
     }
 
-    pub(super) fn frame_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
-        whole_within(
-            from,
-            "a whole number of bytes, 65536 to 268435456",
-            (64 << 10)..=(256 << 20),
-        )
-    }
-
     pub(super) fn callback_budget_ms<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
         whole_within(
             from,
@@ -187,10 +173,6 @@ mod ranges {
 
     pub(super) fn disk_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
         whole_within(from, "a whole number of bytes, 0 to 2^50", 0..=(1 << 50))
-    }
-
-    pub(super) fn notices_a_day<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
-        whole_within(from, "a whole number of messages, 0 to 10000", 0..=10_000)
     }
 
     pub(super) fn noise_dbfs<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
@@ -264,10 +246,5 @@ pub struct ScenarioCall<'a> {
 /// What a scenario script calls through `scenario`, `expect` and `sim`.
 pub trait ScenarioApi {
     /// Answers one call at once.
-    ///
-    /// # Errors
-    ///
-    /// If the call is wrong, with a message for the script's author; it is raised as an error at
-    /// that line.
     fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult;
 }

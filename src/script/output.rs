@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::failure::printable;
 use super::modules::ModuleName;
-use super::options::Limits;
+use super::options::{Limits, NOTICES_A_DAY};
 use crate::rate_limit::Budget;
 use crate::robot::{DeclaredParam, HostReport, Intent};
 
@@ -34,7 +34,6 @@ const OVERHEAD: usize = 100;
 pub enum Output {
     /// A command for the robot.
     Intent(Intent),
-    /// A line for the log.
     Log(LogLine),
     /// Something that the script has done or wants and that does not concern the robot.
     HostReport(HostReport),
@@ -77,9 +76,7 @@ pub enum Level {
 /// few kilobytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
-    /// The level.
     pub level: Level,
-    /// The message.
     pub text: String,
     /// Further values, by name.
     pub fields: Vec<(String, String)>,
@@ -226,8 +223,8 @@ pub(super) struct DailyLimits {
 impl DailyLimits {
     pub(super) fn new(limits: &Limits) -> DailyLimits {
         DailyLimits {
-            bytes: Budget::new(limits.journal_bytes_a_day),
-            notices: Budget::new(limits.notices_a_day),
+            bytes: Budget::new(limits.journal_bytes_a_day()),
+            notices: Budget::new(NOTICES_A_DAY),
         }
     }
 

@@ -91,7 +91,7 @@ impl PictureStore {
             folder,
             quota: limits.picture_bytes,
             free: limits.free_bytes,
-            day: Budget::new(limits.picture_bytes_a_day),
+            day: Budget::new(limits.bytes_a_day),
             content: None,
             messages: Repeats::new(MESSAGE_INTERVAL),
         }
@@ -231,7 +231,7 @@ mod tests {
     fn limits(pictures: u64) -> Limits {
         Limits {
             picture_bytes: pictures * LEAST,
-            picture_bytes_a_day: 1 << 40,
+            bytes_a_day: 1 << 40,
             free_bytes: 0,
             ..Limits::default()
         }
@@ -286,7 +286,7 @@ mod tests {
         let folder = Some(root.path().to_owned());
         let mut now = Instant::now();
         let day = Limits {
-            picture_bytes_a_day: 48 * LEAST,
+            bytes_a_day: 48 * LEAST,
             ..limits(100)
         };
         let mut store = PictureStore::new(folder.clone(), &day);

@@ -467,10 +467,6 @@ impl State {
     }
 
     /// Switches a stream on unless it is on already.
-    ///
-    /// # Errors
-    ///
-    /// If the config keeps the stream off.
     pub(super) fn need_stream(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
         self.options.streams.allow(stream)?;
         if self.streams.switch_on(stream, by, self.now) {

@@ -23,7 +23,7 @@ use crate::clock;
 use crate::clock::Clock;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockPlan, Priority};
+use crate::robot::{BehaviourId, DockPlan, Priority, STOP_HOLDS};
 use crate::timetable::{Act, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
@@ -50,6 +50,8 @@ pub(super) struct Executor {
     listeners: Listeners,
     last_status: String,
     implausible: bool,
+    /// Whether a person's STOP holds.
+    stopped: bool,
 }
 
 impl Executor {
@@ -80,6 +82,7 @@ impl Executor {
             listeners,
             last_status: String::new(),
             implausible: false,
+            stopped: false,
         }
     }
 
@@ -105,26 +108,18 @@ impl Executor {
         }
     }
 
-    /// Records that no run is under way, so that the next service resumes none.
-    pub(super) async fn forget_runs(self) {
-        let record = Record {
-            under_way: Vec::new(),
-            ..self.planner.record()
-        };
-        if let Some(file) = self.listeners.file {
-            file.finish(record).await;
-        }
-    }
-
     /// Polls the state machines and gives the resulting orders. Returns the time to wait until the
     /// next poll.
     fn step(&mut self) -> Duration {
         let now = self.clock.now();
         let at = Instant::now();
         let status = *self.status.borrow_and_update();
+        self.hold_permanent(status.emergency_stop);
         let running = self.update_running();
         let up = status.link == LinkState::Up;
-        self.start_permanent(up);
+        if up && !self.stopped {
+            self.start_permanent();
+        }
         self.apply_quiet_hours(now);
         let names: Vec<String> = running.iter().cloned().collect();
         if self.stops.has_changed().unwrap_or(false) {
@@ -147,6 +142,7 @@ impl Executor {
             link: status.link,
             docked: status.docked,
             low: status.low,
+            stopped: self.stopped,
         };
         if let Some(action) = self.idle.poll(inputs) {
             self.execute(action);
@@ -175,11 +171,20 @@ impl Executor {
         running
     }
 
-    fn start_permanent(&mut self, up: bool) {
-        let waiting = self
-            .waiting
-            .iter()
-            .filter(|name| up && !self.orders.has(name));
+    /// Permanent behaviours that run when a person presses STOP, and may be ended with it, start
+    /// again when it is released.
+    fn hold_permanent(&mut self, stopped: bool) {
+        if stopped && !self.stopped {
+            let always = self.service_plan.always.iter();
+            let running = always.filter(|name| self.running.contains(*name));
+            self.waiting.extend(running.cloned());
+        }
+        self.stopped = stopped;
+    }
+
+    fn start_permanent(&mut self) {
+        self.waiting.retain(|name| !self.running.contains(name));
+        let waiting = self.waiting.iter().filter(|name| !self.orders.has(name));
         let waiting: Vec<String> = waiting.cloned().collect();
         for name in waiting {
             self.orders.start(name);
@@ -200,6 +205,11 @@ impl Executor {
 
     fn act(&mut self, act: Act) {
         match act {
+            Act::Start { run, .. } if self.stopped => {
+                warn!(behaviour = run, "is not started: {STOP_HOLDS}");
+                self.report_missed(&run, STOP_HOLDS.to_owned());
+                self.planner.ended(&run);
+            }
             Act::Start {
                 run,
                 planned,
@@ -388,12 +398,10 @@ impl Executor {
 /// The client with which an idle robot is sent home; its number is between those of the persons and
 /// of the rescue behaviour.
 const IDLE_CLIENT: BehaviourId = BehaviourId(0xFFFD);
-/// The lowest priority.
 const LOWEST: Priority = Priority(i16::MIN);
 
 #[derive(Debug)]
 pub(super) enum OrderResult {
-    /// A start.
     Started(String, Result<(), RosterError>),
     /// A stop or a restart.
     Changed(String, Result<(), RosterError>),
@@ -479,9 +487,6 @@ impl Orders {
     }
 
     /// Replaces the behaviours of the roster.
-    ///
-    /// # Errors
-    /// See [`Roster::define`].
     pub(super) async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
         self.roster.define(specs).await
     }
@@ -684,5 +689,34 @@ mod tests {
         };
         beside(work, story).await;
         assert!(fixture.orders.is_empty(), "it was started");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_start_is_recorded_as_missed_while_a_persons_stop_holds() {
+        let (mut fixture, work) = ServiceFixture::new();
+        let stop = |on| {
+            let set = move |status: &mut Status| status.emergency_stop = on;
+            fixture.status.send_modify(set);
+        };
+        stop(true);
+        let story = async {
+            sleep(Duration::from_secs(60)).await;
+            stop(false);
+            sleep(Duration::from_secs(60)).await;
+        };
+        beside(work, story).await;
+        assert!(fixture.orders.is_empty(), "it was started");
+        let heard = std::iter::from_fn(|| fixture.heard.try_next());
+        let reasons: Vec<String> = heard
+            .take(100)
+            .filter_map(|one| match one {
+                BusMessage::Event(one) => match &one.what {
+                    AgentEvent::StartMissed { reason, .. } => Some(reason.clone()),
+                    _ => None,
+                },
+                _ => None,
+            })
+            .collect();
+        assert_eq!(reasons, [STOP_HOLDS]);
     }
 }

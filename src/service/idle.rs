@@ -22,6 +22,8 @@ pub(super) struct IdleInputs {
     pub(super) docked: bool,
     /// The battery is low, and the watchdog controls the robot.
     pub(super) low: bool,
+    /// A person's STOP holds.
+    pub(super) stopped: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,11 +85,14 @@ impl IdleRobot {
         if self.asked.is_some_and(|link| link != inputs.link) {
             self.asked = None;
         }
-        if inputs.busy {
+        if inputs.busy || inputs.stopped {
             self.since = None;
             (self.failures, self.next) = (0, None);
             if std::mem::take(&mut self.docking) {
                 return Some(IdleAction::CancelDocking);
+            }
+            if !inputs.busy {
+                return None;
             }
             return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
         }
@@ -154,6 +159,7 @@ mod tests {
             link: LinkState::Up,
             docked: false,
             low: false,
+            stopped: false,
         };
         (IdleRobot::new(policy), inputs)
     }
@@ -199,6 +205,24 @@ mod tests {
         idle.poll(inputs);
         inputs.now += 10 * MINUTE;
         assert_eq!(idle.poll(inputs), None);
+    }
+
+    #[test]
+    fn an_idle_robot_that_a_person_has_stopped_stays_where_it_is_until_it_is_released() {
+        let (mut idle, mut inputs) = idle(true);
+        idle.poll(inputs);
+        inputs.now += MINUTE;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
+        inputs.stopped = true;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::CancelDocking));
+        for _ in 0..100 {
+            inputs.now += MINUTE;
+            assert_eq!(idle.poll(inputs), None);
+        }
+        inputs.stopped = false;
+        assert_eq!(idle.poll(inputs), None, "it is idle from now on");
+        inputs.now += MINUTE;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
     }
 
     #[test]

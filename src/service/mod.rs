@@ -34,7 +34,6 @@ use crate::timetable::{Planner, Record, Timetable};
 /// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
 pub struct ServicePlan {
-    /// All behaviours.
     pub specs: Vec<BehaviourSpec>,
     /// Names of the behaviours that are started as soon as the robot is connected.
     pub always: Vec<String>,
@@ -75,7 +74,6 @@ pub struct IdlePolicy {
 /// A new plan, and the behaviours affected by the change.
 #[derive(Debug)]
 pub struct Reload {
-    /// The new plan.
     pub service_plan: ServicePlan,
     /// Behaviours whose definition has changed; the running ones are restarted.
     pub changed: Vec<String>,
@@ -96,7 +94,6 @@ pub struct Service {
     pub status: watch::Receiver<Status>,
     /// The time of day.
     pub clock: Clock,
-    /// The plan at the start.
     pub service_plan: ServicePlan,
     /// What was under way when the previous service ended, and the file where this is recorded;
     /// without a file nothing is recorded.
@@ -109,8 +106,6 @@ pub struct Service {
     pub view: watch::Sender<View>,
     /// Receives new plans.
     pub reloads: mpsc::Receiver<Reload>,
-    /// Cancelled if a person ends the service; the next one then resumes no run.
-    pub ended_by_person: CancellationToken,
 }
 
 impl Service {
@@ -129,7 +124,6 @@ impl Service {
             bus,
             view,
             reloads,
-            ended_by_person,
         } = self;
         let mut executor = Executor::new(
             agent.roster(),
@@ -150,9 +144,6 @@ impl Service {
             outcome = agent.run(stop.clone()) => outcome,
             never = executor.work(reloads, stop) => match never {},
         };
-        if ended_by_person.is_cancelled() {
-            executor.forget_runs().await;
-        }
         notifier.stopping();
         outcome
     }

@@ -4,10 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
-
-use tokio::time::timeout;
 
 use crate::files::Folder;
 use crate::timetable::Record;
@@ -20,8 +17,6 @@ const MAX_LEN: u64 = 1 << 16;
 const WAITING: usize = 4;
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
-/// Time limit for the last record at the end of a service.
-const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Writes the record of the timetable's runs.
 #[derive(Debug)]
@@ -29,7 +24,7 @@ pub struct RecordFile(Writer);
 
 #[derive(Debug)]
 enum Writer {
-    Thread(SyncSender<Record>, JoinHandle<()>),
+    Thread(SyncSender<Record>),
     Here(Disk),
 }
 
@@ -43,7 +38,7 @@ impl RecordFile {
         let (records, received) = sync_channel(WAITING);
         let writing = std::thread::Builder::new().name("record".into());
         let started = writing.spawn(move || write_all(&disk, &received));
-        let file = started.map(|thread| RecordFile(Writer::Thread(records, thread)));
+        let file = started.map(|_| RecordFile(Writer::Thread(records)));
         (record, file.ok())
     }
 
@@ -60,30 +55,8 @@ impl RecordFile {
     /// if the queue is full, the record is dropped, and the caller has to pass it again.
     pub(super) fn save(&self, record: Record) -> bool {
         match &self.0 {
-            Writer::Thread(records, _) => records.try_send(record).is_ok(),
+            Writer::Thread(records) => records.try_send(record).is_ok(),
             Writer::Here(disk) => disk.write(&record),
-        }
-    }
-
-    /// Writes the last record. Waits until it is on the disk, but not longer than
-    /// [`SHUTDOWN_TIMEOUT`].
-    pub(super) async fn finish(self, record: Record) {
-        let writing = tokio::task::spawn_blocking(move || match self.0 {
-            Writer::Thread(records, thread) => {
-                // Without its queue the thread ends; both fail only if it has panicked.
-                let _ = records.send(record);
-                drop(records);
-                let _ = thread.join();
-            }
-            Writer::Here(disk) => {
-                disk.write(&record);
-            }
-        });
-        if timeout(SHUTDOWN_TIMEOUT, writing).await.is_err() {
-            tracing::warn!(
-                "the disk is too slow: a run that a person has stopped may resume when the service \
-                 starts again"
-            );
         }
     }
 }
@@ -210,20 +183,6 @@ mod tests {
         assert_eq!(RecordFile::open(home.path()).0, record);
         std::fs::write(&path, "{").unwrap();
         assert_eq!(RecordFile::open(home.path()).0, Record::default());
-    }
-
-    #[tokio::test]
-    async fn the_last_record_is_on_the_disk_at_the_end() {
-        let home = tempfile::tempdir().unwrap();
-        let (_, file) = RecordFile::open(home.path());
-        let file = file.unwrap();
-        let record = |looked| Record {
-            looked: Some(looked),
-            under_way: Vec::new(),
-        };
-        file.save(record(7));
-        file.finish(record(8)).await;
-        assert_eq!(RecordFile::open(home.path()).0, record(8));
     }
 
     #[test]

@@ -5,9 +5,7 @@ use std::path::Path;
 /// The settings of the unit that differ between installations.
 #[derive(Debug, Clone)]
 pub struct Unit<'a> {
-    /// The program's path.
     pub program: &'a Path,
-    /// The config's path.
     pub config: &'a Path,
     /// A file with the robot's password, which systemd passes to the service; `None`: the robot's
     /// default password.
@@ -16,7 +14,6 @@ pub struct Unit<'a> {
     pub user: Option<&'a str>,
 }
 
-/// Returns the text of the unit.
 pub fn unit(unit: &Unit<'_>) -> String {
     let program = escaped(unit.program);
     let config = escaped(unit.config);

@@ -177,7 +177,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// Returns the current state; the server adds the connected user.
+    /// Returns the current state; the server adds the connected user and the queued commands.
     pub fn state(&self) -> State {
         State {
             time: self.time,
@@ -197,6 +197,7 @@ impl Robot {
             sound: self.speaker.playing(),
             volume: self.speaker.volume(),
             streams: self.streams,
+            queued: 0,
             user: None,
             frames: self.video.frames(),
             dropped: 0,
@@ -398,7 +399,8 @@ impl Robot {
                     self.note(&format!("no such stream: {}", stream.to_byte()));
                 }
             }
-            Command::PowerQuery => self.send_power(),
+            Command::PowerQuery if self.firmware.answers_power_query => self.send_power(),
+            Command::PowerQuery => {}
             Command::ConfigQuery => self.send_config(),
             Command::ConfigSet(text) => {
                 let line = self.memory.configure(text);

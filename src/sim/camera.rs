@@ -92,7 +92,7 @@ impl Camera {
         let subsampling = self.settings.subsampling;
         self.encoder
             .get_or_insert_with(|| {
-                JpegEncoder::new(quality, subsampling, (WIDTH as u16, HEIGHT as u16))
+                JpegEncoder::new(quality, subsampling, WIDTH as u16, HEIGHT as u16)
             })
             .encode(&self.grainy)
     }

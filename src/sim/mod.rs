@@ -19,6 +19,8 @@
 //! | `faults` | faults, and the proxy that corrupts bytes | `yaml` |
 //! | `server` | sockets and the clock around the robot and its clients | all of them |
 
+#![warn(missing_docs)]
+
 mod body;
 mod camera;
 mod faults;

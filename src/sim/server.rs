@@ -2,6 +2,7 @@
 //! all state; the connections' tasks only transfer bytes.
 
 mod clients;
+mod command_queue;
 pub(crate) mod connection;
 pub(crate) mod handle;
 mod robot_server;
@@ -12,7 +13,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use tokio::sync::mpsc;
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 
 use self::connection::Event;
 use self::handle::{Handle, Request};
@@ -89,12 +90,16 @@ impl Server {
         self.robot_server.begin(std::mem::take(&mut self.faults));
         let mut datagram = [0; 64];
         loop {
+            let due = self.robot_server.next_command();
             // The clock has priority: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {
                     self.robot_server.advance();
                     self.sockets.set_visible(!self.robot_server.is_rebooting()).await;
+                }
+                () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
+                    self.robot_server.handle_due();
                 }
                 Some(request) = self.requests.recv() => self.robot_server.handle_request(request),
                 Some(event) = self.events.recv() => self.robot_server.handle_event(event),

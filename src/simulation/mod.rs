@@ -53,7 +53,6 @@ use crate::clock;
 use crate::script;
 use crate::sim::{self, World};
 
-/// A running simulation.
 pub struct Simulation {
     sim: sim::Handle,
     began: Instant,

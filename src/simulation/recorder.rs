@@ -128,7 +128,6 @@ impl Subscriber for Tee {
     }
 }
 
-/// Kinds of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
@@ -154,11 +153,9 @@ pub enum EventKind {
 pub struct Event {
     /// Time since the start, in virtual time if there is any.
     pub at: Duration,
-    /// The kind of event.
     pub kind: EventKind,
     /// The log level: `debug`, `info`, `warn` or `error`.
     pub level: &'static str,
-    /// The message.
     pub text: String,
     /// Additional data; see [`EventKind`].
     pub fields: BTreeMap<&'static str, Value>,

@@ -83,7 +83,6 @@ impl Running {
         self.status.clone()
     }
 
-    /// Returns a sender of requests to the pilot.
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.requests.clone()
     }

@@ -28,7 +28,6 @@ const MAX_LAG: Duration = Duration::from_millis(50);
 pub struct TimeScale(f64);
 
 impl TimeScale {
-    /// Real time.
     pub const REAL: TimeScale = TimeScale(1.0);
     /// The maximum factor.
     pub const MAX: f64 = 100.0;
@@ -46,7 +45,6 @@ impl TimeScale {
     }
 }
 
-/// The mode of the clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClockMode {
     /// The clock is paused, except for single steps.
@@ -124,7 +122,6 @@ impl SimClock {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the mode of the clock.
     pub fn mode(&self) -> ClockMode {
         self.state().mode
     }

@@ -28,7 +28,6 @@ const PARTS: [(&str, &str); 5] = [
     ("day of the week", "0 to 7 or sun to sat"),
 ];
 
-/// A pattern of times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pattern {
     text: String,
@@ -182,7 +181,6 @@ pub enum TimetableError {
     /// Not a cron pattern, or a pattern that matches no day.
     #[error("`{text}` is not a pattern of times: {why}")]
     Pattern {
-        /// The text as written.
         text: String,
         /// The reason, in words.
         why: String,

@@ -23,7 +23,6 @@ const MAX_MISSED: usize = 1000;
 /// Maximum number of waiting starts in the record: the newest.
 const MAX_WAITING: usize = 100;
 
-/// The inputs of a decision.
 #[derive(Debug, Clone, Copy)]
 pub struct PlannerInputs<'a> {
     /// The time of day.
@@ -376,9 +375,7 @@ pub enum Act {
     /// [`Planner::ended`](super::Planner::ended), or if the robot was not connected, with
     /// [`Planner::postpone`](super::Planner::postpone).
     Start {
-        /// The behaviour.
         run: String,
-        /// The planned time.
         planned: Timestamp,
         /// It will be ended after this time.
         lasts: Option<Duration>,
@@ -386,20 +383,15 @@ pub enum Act {
         resumed: bool,
     },
     /// End a behaviour: its time is over.
-    End {
-        /// The behaviour.
-        run: String,
-    },
+    End { run: String },
     /// Inform people.
     Report(Notice),
 }
 
-/// A notice for people.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Notice {
     /// Starts were missed: the program did not run, or the clock was not set.
     Missed {
-        /// The behaviour.
         run: String,
         /// The planned time of the latest start, which is missed or made up for.
         planned: Timestamp,
@@ -407,20 +399,9 @@ pub enum Notice {
         count: usize,
     },
     /// A start was missed: no robot was connected before it was too late.
-    NoRobot {
-        /// The behaviour.
-        run: String,
-        /// The planned time.
-        planned: Timestamp,
-    },
+    NoRobot { run: String, planned: Timestamp },
     /// A start was skipped: the behaviour still runs.
-    Overlap {
-        /// The behaviour.
-        run: String,
-        /// The planned time.
-        planned: Timestamp,
-    },
-    /// The clock was set.
+    Overlap { run: String, planned: Timestamp },
     ClockSet {
         /// By how many seconds; negative: back.
         seconds: i64,
@@ -439,7 +420,6 @@ pub struct Record {
 /// A run that the timetable has started, or that waits for the robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnderWay {
-    /// The behaviour.
     pub run: String,
     /// The planned time; seconds since 1970.
     pub planned: i64,

@@ -29,7 +29,6 @@ pub struct Timetable {
     pub rules: Vec<Rule>,
     /// The time zone of all times.
     pub zone: Zone,
-    /// The quiet hours.
     pub quiet: Option<Quiet>,
     /// A start that was missed by at most this is made up for.
     pub catch_up: Span,
@@ -40,7 +39,6 @@ pub struct Timetable {
 pub struct View {
     /// The next start of the timetable: its time and its behaviour.
     pub next: Option<(Timestamp, String)>,
-    /// Whether it is a quiet hour.
     pub quiet: bool,
 }
 
@@ -57,9 +55,7 @@ const MAX_STARTS: usize = 10_000;
 /// One future start.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PredictedStart {
-    /// The time.
     pub at: Timestamp,
-    /// The behaviour.
     pub run: String,
     /// When it is ended, if it has not ended on its own.
     pub until: Option<Timestamp>,

@@ -121,7 +121,8 @@ fn label(
     let h = (GLYPH_HEIGHT + 2) * dot;
     let place = place(
         grown(frame(blob, times), 3),
-        (w, h),
+        w,
+        h,
         canvas.dimensions(),
         taken,
     );
@@ -139,7 +140,7 @@ fn label(
 
 /// Chooses a place above, below or inside the box, moved into the picture: the first candidate that
 /// is free and visible, otherwise the first that is visible.
-fn place(around: Rect, (w, h): (i32, i32), size: (u32, u32), taken: &[Rect]) -> Rect {
+fn place(around: Rect, w: i32, h: i32, size: (u32, u32), taken: &[Rect]) -> Rect {
     let width = size.0 as i32;
     let height = size.1 as i32;
     let x = around.left().min(width - w).max(0);
@@ -224,7 +225,7 @@ mod tests {
         let around = Rect::at(100, 100).of_size(40, 40);
         let mut taken = Vec::new();
         for _ in 0..3 {
-            let next = place(around, (60, 14), (320, 240), &taken);
+            let next = place(around, 60, 14, (320, 240), &taken);
             assert!(taken.iter().all(|other| next.intersect(*other).is_none()));
             taken.push(next);
         }
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn a_text_stays_in_the_picture() {
         for (x, y) in [(0, 0), (300, 0), (0, 230), (300, 230), (-3, -3)] {
-            let place = place(Rect::at(x, y).of_size(30, 20), (80, 14), (320, 240), &[]);
+            let place = place(Rect::at(x, y).of_size(30, 20), 80, 14, (320, 240), &[]);
             assert!(place.left() >= 0 && place.right() < 320, "{place:?}");
             assert!(place.top() >= 0 && place.bottom() < 240, "{place:?}");
         }

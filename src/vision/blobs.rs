@@ -178,7 +178,7 @@ impl BlobFinder {
             self.regions
                 .found()
                 .filter(|(_, region)| large_enough(region))
-                .map(Candidate::new),
+                .map(|(index, region)| Candidate::new(index, region)),
         );
         let most = if options.merge {
             MAX_MERGED
@@ -240,7 +240,7 @@ fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
 }
 
 impl Candidate {
-    fn new((index, region): (u32, &Region)) -> Candidate {
+    fn new(index: u32, region: &Region) -> Candidate {
         Candidate {
             region: index,
             left: region.left,

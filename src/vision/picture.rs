@@ -59,7 +59,7 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    pub(crate) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
+    pub(crate) fn shape(&mut self, columns: usize, rows: usize, across: u32, down: u32) {
         self.samples.resize(columns * rows, 128);
         self.stride = columns;
         (self.across, self.down) = (across, down);
@@ -113,7 +113,7 @@ impl Image {
     pub(crate) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
         (self.size, self.grey) = (size, false);
         for plane in &mut self.planes {
-            plane.shape((size.width as usize, size.height as usize), (0, 0));
+            plane.shape(size.width as usize, size.height as usize, 0, 0);
         }
         let [luma, cb, cr] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
         for (pixel, ((luma, cb), cr)) in rgb.as_chunks::<3>().0.iter().zip(luma.zip(cb).zip(cr)) {
@@ -123,7 +123,7 @@ impl Image {
 
     pub(crate) fn set_luma(&mut self, size: Size, luma: &[u8]) {
         (self.size, self.grey) = (size, true);
-        self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
+        self.planes[0].shape(size.width as usize, size.height as usize, 0, 0);
         self.planes[0].samples.copy_from_slice(luma);
     }
 

@@ -4,6 +4,7 @@
 //! packet. Anything that the protocol does not define becomes a value (`Unknown`), never an error.
 #![doc = ""]
 #![doc = include_str!("PROTOCOL.md")]
+#![warn(missing_docs)]
 
 mod command;
 pub mod discovery;

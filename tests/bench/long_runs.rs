@@ -1,7 +1,7 @@
-//! `scripts/soak`, `scripts/month`, `scripts/rescue` and `scripts/explore`: long runs in virtual time, each
+//! `scripts/soak`, `scripts/month`, `scripts/rescue`, `scripts/explore` and `scripts/stops`: long runs, each
 //! with a table of what was promised and what happened. They exit with 1 if a promise was broken.
 
-#![allow(clippy::unwrap_used, unreachable_pub)]
+#![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -9,19 +9,24 @@ use std::process::ExitCode;
 use std::thread::available_parallelism;
 use std::time::Instant;
 
-use clap::{Args, Parser, value_parser as number};
+use clap::{Args, Parser, ValueEnum, value_parser as number};
 use spykee::safety::{Limits, Rescue};
 use spykee::sim::Firmware;
 
 #[path = "../long_runs.rs"]
 #[allow(dead_code)]
 mod long_runs;
+#[path = "../it/rig.rs"]
+#[allow(dead_code)]
+mod rig;
 
 use long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
 use long_runs::soak::Ledger;
+use long_runs::stops::breaks::{self, End, Outage, Outcome};
+use long_runs::stops::queue::{self, Driver};
 use long_runs::{explore, in_parallel, month, soak};
 
-/// Long runs in virtual time.
+/// Long runs, in virtual time except for `stops breaks`.
 #[derive(Parser)]
 #[command(bin_name = "scripts")]
 enum Arguments {
@@ -29,6 +34,7 @@ enum Arguments {
     Month(MonthArgs),
     Rescue(RescueArgs),
     Explore(ExploreArgs),
+    Stops(StopsArgs),
 }
 
 /// Runs patrol and guard unattended for hours of virtual time, with random failures of network,
@@ -107,6 +113,45 @@ struct ExploreArgs {
     states: usize,
 }
 
+/// Measures whether and when a STOP is executed: on robots that execute commands slowly, and when the
+/// link breaks around the end of a run. Exits with 1 if one is late.
+#[derive(Args)]
+struct StopsArgs {
+    /// Only this part
+    part: Option<StopsPart>,
+    /// Seeds of each kind
+    #[arg(long, default_value_t = 20, value_parser = number!(u64).range(1..))]
+    seeds: u64,
+    /// Runs at the same time [default: one for each processor; with broken links 16]
+    #[arg(long, value_parser = number!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Only slow robots that this behaviour drives
+    #[arg(long)]
+    driver: Vec<Driver>,
+    /// Only runs that end like this
+    #[arg(long)]
+    end: Vec<End>,
+    /// Only links that break like this
+    #[arg(long)]
+    outage: Vec<Outage>,
+    /// Seconds for which the robot is out of reach
+    #[arg(long, default_values_t = [1, 5, 12, 30])]
+    out: Vec<u64>,
+    /// Print what the program wrote where the robot was not stopped
+    #[arg(long)]
+    list: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StopsPart {
+    /// Robots that execute so many commands a second: the age of a STOP
+    Queue,
+    /// What a patrol loses on them
+    Patrol,
+    /// Links that break around the end of a run
+    Breaks,
+}
+
 /// Number of robots between two progress messages.
 const PROGRESS_EVERY: usize = 10;
 
@@ -120,6 +165,7 @@ fn main() -> ExitCode {
         Arguments::Month(args) => Ok(run_month(&args)),
         Arguments::Rescue(args) => Ok(run_rescue(&args)),
         Arguments::Explore(args) => Ok(run_explore(&args)),
+        Arguments::Stops(args) => Ok(run_stops(&args)),
     };
     match is_kept {
         Ok(true) => ExitCode::SUCCESS,
@@ -276,4 +322,65 @@ fn run_explore(args: &ExploreArgs) -> bool {
         is_kept &= found.broken.is_empty();
     }
     is_kept
+}
+
+fn run_stops(args: &StopsArgs) -> bool {
+    let cores = available_parallelism().map_or(1, usize::from);
+    let threads = args.jobs.map_or(cores, usize::from);
+    let asked = |part| args.part.is_none_or(|only| only == part);
+    let mut is_kept = true;
+    if asked(StopsPart::Queue) {
+        let drivers = match &args.driver[..] {
+            [] => &Driver::ALL,
+            asked => asked,
+        };
+        let cells = queue::play_all(&queue::SPEEDS, drivers, args.seeds, threads);
+        println!("{}", queue::heading());
+        for (trial, cell) in &cells {
+            println!("{}", queue::row(trial, cell));
+            is_kept &= cell.is_kept(trial.speed);
+        }
+    }
+    if asked(StopsPart::Patrol) {
+        let seeds = args.seeds.min(10);
+        let lines = queue::patrols(&queue::SPEEDS, seeds, threads);
+        lines.iter().for_each(|line| println!("{line}"));
+    }
+    if asked(StopsPart::Breaks) {
+        is_kept &= run_breaks(args);
+    }
+    is_kept
+}
+
+/// Ends runs while their links are broken; returns whether every robot was stopped in time.
+fn run_breaks(args: &StopsArgs) -> bool {
+    let ends = match &args.end[..] {
+        [] => End::value_variants(),
+        asked => asked,
+    };
+    let outages = match &args.outage[..] {
+        [] => Outage::value_variants(),
+        asked => asked,
+    };
+    let began = Instant::now();
+    let cases = breaks::cases(ends, outages, &args.out, args.seeds);
+    let threads = args.jobs.map_or(16, usize::from);
+    let outcomes = breaks::play_all(&cases, threads, &|case, outcome| match outcome {
+        Outcome::After(after) if *after <= breaks::GOAL => {}
+        Outcome::After(after) => println!("{case:?}: stopped after {after:.1?}"),
+        Outcome::Failed(why) => println!("{case:?}: {why}"),
+        Outcome::Never(text) if args.list => println!("{case:?}: never stopped\n{text}"),
+        Outcome::Never(_) => println!("{case:?}: never stopped"),
+    });
+    let table = breaks::Table::new(&cases, &outcomes);
+    let (played, in_time) = table.count();
+    let seconds = began.elapsed().as_secs_f64();
+    println!(
+        "\nin time / all, and the longest time from being in reach again to the stop\n{table}"
+    );
+    println!(
+        "{in_time} of {played} stopped within {:?}; {seconds:.0} s",
+        breaks::GOAL
+    );
+    table.is_kept()
 }

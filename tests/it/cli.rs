@@ -419,13 +419,13 @@ fn the_yaml_of_a_world_is_printed_for_changes() {
         (&["hall"][..], "# Two rooms"),
         (&[], "# The built-in world"),
     ] {
-        let output = command(&[&["world", "show", "--yaml"], args].concat());
+        let output = command(&[&["sim", "show", "--yaml"], args].concat());
         assert_eq!(output.code, Some(0), "{}", output.err);
         let yaml = output.out;
         assert!(yaml.starts_with(first), "{yaml}");
         spykee::sim::World::from_yaml(&yaml, "printed").unwrap();
     }
-    let unknown = command(&["world", "show", "haal", "--yaml"]);
+    let unknown = command(&["sim", "show", "haal", "--yaml"]);
     assert_eq!(unknown.code, Some(2), "{}", unknown.err);
 }
 

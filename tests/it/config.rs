@@ -168,7 +168,7 @@ async fn every_command_takes_its_log_settings_from_the_config() {
     let nobody = ["--robot", "127.0.0.1:9"];
     for command in [
         &["check", "missing.lua"][..],
-        &["blobs", "missing.jpg", "--colour", "red"],
+        &["colour", "find", "missing.jpg", "--colour", "red"],
         &["run", "missing.lua", "--sim"],
         &["test", "missing.lua"],
         &["robot", "battery", nobody[0], nobody[1]],

@@ -131,7 +131,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     let mut run = running(&rig, DRIVE).await;
     let moving = rig.heard_motion(0).await;
     let text = succeed(&rig, &["robot", "stop"]).await;
-    assert_contains(&text, &["has acknowledged it"]);
+    assert_contains(&text, &["has executed the stop"]);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let stopped = rig.heard_stop(moving).await;
     assert!(!rig.commands(stopped).iter().any(moves));
@@ -149,7 +149,7 @@ async fn a_config_that_cannot_be_used_does_not_prevent_a_stop() {
     let moving = rig.heard_motion(0).await;
     rig.file("spykee.yaml", "watchdog: { lo: 25 }\n");
     let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    let told = text.contains("unknown key") && text.contains("has acknowledged it");
+    let told = text.contains("unknown key") && text.contains("has executed the stop");
     assert_eq!((code, told), (Some(0), true), "{text}");
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let stopped = rig.heard_stop(moving).await;
@@ -206,7 +206,7 @@ async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request(
     assert_eq!(dock.code().await, Some(130), "{}", dock.text());
     let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
     let cancelled = rig.heard(asked, cancel).await;
-    assert!(!rig.commands(asked)[..cancelled - asked].iter().any(moves));
+    assert!(!rig.commands_between(asked, cancelled).iter().any(moves));
     rig.heard_motion(cancelled).await;
     rig.sim.hide_station(false);
     let (code, text) = run_spykee(&rig, &["robot", "dock", "--json"]).await;

@@ -289,7 +289,7 @@ async fn the_last_stop_arrives_through_an_outage_with_the_camera_on() {
                 arrived,
                 "outage of {outage:?}: no stop was received\n{said}"
             );
-            assert_contains(&said, &["has acknowledged the stop"]);
+            assert_contains(&said, &["has executed the stop"]);
         }
     }
 }
@@ -321,7 +321,7 @@ async fn a_stop_that_does_not_arrive_is_reported_as_lost_in_time() {
     agent.interrupt();
     let began = Stopwatch::start();
     let said = agent.ended().await;
-    assert_contains(&said, &["has not acknowledged the last stop"]);
+    assert_contains(&said, &["has not confirmed the stop"]);
     assert!(
         began.elapsed() < Duration::from_secs(5),
         "{:?}",
@@ -338,7 +338,7 @@ async fn robot_stop_reports_that_its_stop_has_not_arrived() {
     assert!(net.shell(DROP).status.success());
     may_tell.send(()).unwrap();
     let said = stop.ended().await;
-    assert_contains(&said, &["has not acknowledged the last stop"]);
+    assert_contains(&said, &["has not confirmed the stop"]);
     assert_eq!(stop.code(), Some(3), "{said}");
 }
 

@@ -2,8 +2,9 @@
 //! `tests/firmware/`.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use spykee::sim::Firmware;
+use spykee::sim::{Firmware, Handle, ReceivedCommand};
 use spykee::wire::Command;
 use tokio::time::timeout;
 
@@ -52,7 +53,7 @@ fn safety_promises_hold_with_every_firmware() {
             failed.push(format!("{firmware:?}:\n{}", played.text()));
         }
     }
-    assert!(matrix().len() >= 7, "{:?}", matrix());
+    assert!(matrix().len() >= 8, "{:?}", matrix());
     assert!(failed.is_empty(), "{}", failed.join("\n"));
 }
 
@@ -78,7 +79,7 @@ async fn a_move_during_a_search_ends_it_or_has_no_effect_or_moves_the_robot() {
                 }
         });
         timeout(LIMIT, from).await.unwrap();
-        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        tokio::time::sleep(Duration::from_secs(1)).await;
         let state = handle.state();
         assert_eq!(
             (state.searching, state.speeds.right > 0.3),
@@ -86,7 +87,7 @@ async fn a_move_during_a_search_ends_it_or_has_no_effect_or_moves_the_robot() {
             "{name}"
         );
         client.send(STAND).await;
-        tokio::time::sleep(std::time::Duration::from_secs(1)).await;
+        tokio::time::sleep(Duration::from_secs(1)).await;
         let state = handle.state();
         assert_eq!(
             (state.searching, state.moving()),
@@ -108,7 +109,7 @@ async fn a_move_right_after_charge_stop_may_end_the_undocking() {
         let handle = detached(playpen(), firmware(name));
         let mut client = connect(&handle).log_in().await;
         client.send(&[UNDOCK, STAND].concat()).await;
-        tokio::time::sleep(std::time::Duration::from_secs(8)).await;
+        tokio::time::sleep(Duration::from_secs(8)).await;
         assert_eq!(!handle.state().docked, leaves, "{name}");
     }
 }
@@ -119,7 +120,7 @@ async fn engine_1_to_the_robot_undocks_it_or_has_no_effect() {
         let handle = detached(playpen(), firmware(name));
         let mut client = connect(&handle).log_in().await;
         client.send(LEFT_STATION).await;
-        tokio::time::sleep(std::time::Duration::from_secs(8)).await;
+        tokio::time::sleep(Duration::from_secs(8)).await;
         assert_eq!(!handle.state().docked, leaves, "{name}");
     }
 }
@@ -133,7 +134,7 @@ async fn late_power_reports_an_earlier_level() {
     let login = handle.state().time;
     assert_eq!(client.next_of_kind(3).await[5], 0xA6); // -90
     let first = handle.state().time;
-    let seconds = |time: std::time::Duration| time.as_secs_f64();
+    let seconds = |time: Duration| time.as_secs_f64();
     assert!(seconds(first - login) > 1.9, "{login:?} {first:?}");
     handle.set_battery(50.0);
     assert_eq!(client.next_of_kind(3).await[5], 0xCE); // -50
@@ -142,6 +143,112 @@ async fn late_power_reports_an_earlier_level() {
         (3.8..5.0).contains(&seconds(told - first)),
         "{first:?} {told:?}"
     );
+}
+
+const CONFIG_QUERY: &[u8] = b"PK\x0D\x00\x00";
+
+fn slow(commands_per_second: f64, queue: Option<usize>) -> Firmware {
+    Firmware {
+        commands_per_second: Some(commands_per_second),
+        queue,
+        ..Firmware::default()
+    }
+}
+
+/// Waits until the robot has executed this many commands, the login included.
+async fn executed(handle: &Handle, count: usize) -> Vec<ReceivedCommand> {
+    let executed = timeout(LIMIT, handle.wait_heard(count - 1, |_| true)).await;
+    assert_eq!(executed, Ok(count - 1));
+    handle.heard_since(1)
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_slow_robot_executes_one_command_a_period_in_order_and_answers_then() {
+    let handle = detached(free_playpen(), firmware("slow_queue.yaml"));
+    let mut client = connect(&handle).log_in().await;
+    let commands = [TURN_LEFT_90, STAND, TURN_LEFT_90, STAND, POWER_QUERY];
+    client.send(&commands.concat()).await;
+    timeout(LIMIT, handle.wait_state(|state| state.queued == 4))
+        .await
+        .unwrap();
+    let sent = handle.heard_since(1)[0].received;
+    client.next_of_kind(3).await;
+    let heard = executed(&handle, 6).await;
+    for (place, heard) in heard.iter().enumerate() {
+        assert_eq!(heard.received, sent);
+        assert_eq!(heard.at - sent, Duration::from_millis(200) * place as u32);
+    }
+    assert_eq!(heard[4].command, Command::PowerQuery);
+    // What the robot reports by itself is not late, and an idle robot executes at once.
+    handle.set_battery(80.0);
+    assert_eq!(client.next_of_kind(3).await[5], 80);
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    client.send(STAND).await;
+    let last = executed(&handle, 7).await.pop().unwrap();
+    assert_eq!(last.received, last.at);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_full_queue_is_not_read_until_it_has_a_place() {
+    let handle = detached(free_playpen(), slow(2.0, Some(3)));
+    let mut client = connect(&handle).log_in().await;
+    client.send(&STAND.repeat(10)).await;
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    assert_eq!(handle.state().queued, 3);
+    let heard = executed(&handle, 11).await;
+    let waited: Vec<u128> = heard
+        .iter()
+        .map(|heard| (heard.at - heard.received).as_millis())
+        .collect();
+    assert_eq!(
+        waited,
+        [0, 500, 1000, 1500, 1500, 1500, 1500, 1500, 1500, 1500]
+    );
+}
+
+#[tokio::test(start_paused = true)]
+async fn what_was_received_is_executed_after_its_connection_and_before_the_next_ones_commands() {
+    let handle = detached(free_playpen(), slow(5.0, Some(8)));
+    let mut first = connect(&handle).log_in().await;
+    let commands = [
+        STAND,
+        STAND,
+        STAND,
+        TURN_LEFT_90,
+        TURN_LEFT_90,
+        CONFIG_QUERY,
+    ];
+    first.send(&commands.concat()).await;
+    timeout(LIMIT, handle.wait_state(|state| state.queued == 5))
+        .await
+        .unwrap();
+    drop(first);
+    timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
+    let login = handle.state().time;
+    let mut second = connect(&handle).log_in().await;
+    assert!(handle.state().time - login < Duration::from_millis(100));
+    second.send(&[STAND, POWER_QUERY].concat()).await;
+    timeout(LIMIT, handle.wait_state(|state| state.moving()))
+        .await
+        .unwrap();
+    // The second client gets no answer to the question of the first one.
+    assert_eq!(second.next().await.unwrap()[2], 3);
+    timeout(LIMIT, handle.wait_state(|state| !state.moving()))
+        .await
+        .unwrap();
+    assert_eq!(handle.state().queued, 0);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_robot_may_report_power_only_by_itself() {
+    let handle = detached(playpen(), firmware("late_power.yaml"));
+    let mut client = connect(&handle).log_in().await;
+    client.send(&[POWER_QUERY, CONFIG_QUERY].concat()).await;
+    assert_eq!(client.next().await.unwrap()[2], 13, "the next question is");
+    client.next_of_kind(3).await;
+    assert!(handle.state().time > Duration::from_secs(25));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -271,7 +271,7 @@ async fn a_run_that_is_interrupted_during_a_login_stops_the_robot_first() {
     let (rig, mut run) = logging_in(Duration::from_secs(1)).await;
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
-    let said = run.text().contains("has acknowledged the stop");
+    let said = run.text().contains("has executed the stop");
     assert!(said, "{}", run.text());
     rests(&rig).await;
 }
@@ -282,7 +282,7 @@ async fn a_run_that_is_interrupted_during_a_slow_login_leaves_the_stop_to_the_gu
     let (rig, mut run) = logging_in(Duration::from_secs(5)).await;
     let told = rig.sim.heard_count();
     run.signal(Signal::INT);
-    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
     rig.heard_stop(told).await;
     rests(&rig).await;
 }
@@ -560,7 +560,6 @@ async fn the_guardian_serves_a_persons_stop_in_place_of_an_agent_that_hangs() {
     };
     timeout(WAIT_LIMIT, gone).await.expect("its socket is left");
     // The guardian's last words were the STOP, though the battery is low.
-    assert_eq!(rig.commands(dock).last(), Some(&Command::PowerQuery));
     ends_with_a_stop(&rig, dock);
 }
 
@@ -639,7 +638,7 @@ async fn ctrl_z_stops_the_robot_of_a_prompt_and_every_ending_signal_ends_it_in_o
         run.signal(signal);
         rig.heard_stop(moving).await;
         assert_eq!(run.code().await, Some(130), "{signal:?}: {}", run.text());
-        let said = run.text().contains("has acknowledged the stop");
+        let said = run.text().contains("has executed the stop");
         assert!(said, "{signal:?}: {}", run.text());
     }
 }
@@ -675,7 +674,7 @@ async fn the_robot_stops_when_a_docking_tool_is_killed_stopped_or_ended_by_any_s
         let (rig, mut run) = docking().await;
         run.signal(signal);
         assert_eq!(run.code().await, Some(130), "{signal:?}: {}", run.text());
-        let said = run.text().contains("has acknowledged the stop");
+        let said = run.text().contains("has executed the stop");
         assert!(said, "{signal:?}: {}", run.text());
         rests(&rig).await;
     }
@@ -738,7 +737,7 @@ async fn a_tool_that_only_reads_does_not_end_the_search_of_a_low_robot() {
     let mut run = rig.spykee(&["robot", "stop", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert_contains(&text, &["acknowledged", "the battery is low"]);
+    assert_contains(&text, &["has executed the stop", "the battery is low"]);
     let dock = Command::Engine(Engage::Dock);
     assert!(!rig.commands(0).contains(&dock));
 }

@@ -29,6 +29,8 @@ const GO: Command = Command::Move {
     right: 50,
 };
 const GO_BYTES: &[u8] = b"PK\x05\x00\x02\x32\x32";
+/// POWER, empty: asks whether what was sent before is executed.
+const QUESTION: &[u8] = b"PK\x03\x00\x00";
 const STOP: &[u8] = b"PK\x05\x00\x02\x00\x00";
 
 fn admin() -> Login {
@@ -255,7 +257,7 @@ async fn a_login_without_power_times_out_with_the_last_words() {
     within_limit(robot.read_to_end(&mut heard)).await.unwrap();
     assert_eq!(
         heard,
-        [LOGIN, STOP].concat(),
+        [LOGIN, STOP, QUESTION, QUESTION].concat(),
         "nothing may move before POWER"
     );
 }
@@ -289,7 +291,14 @@ async fn a_login_that_is_given_up_sends_the_newest_last_words() {
         }
         let mut heard = Vec::new();
         within_limit(robot.read_to_end(&mut heard)).await.unwrap();
-        assert_eq!(heard, [LOGIN, STOP].concat(), "dropped: {dropped}");
+        let told = [LOGIN, STOP].concat();
+        let asked = [QUESTION, QUESTION].concat();
+        let expected = if dropped {
+            told
+        } else {
+            [told, asked].concat()
+        };
+        assert_eq!(heard, expected, "dropped: {dropped}");
     }
 }
 

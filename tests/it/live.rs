@@ -114,7 +114,7 @@ async fn without_a_token_nothing_is_served_beyond_loopback() {
 }
 
 /// Creates a token with this role.
-async fn token(rig: &Rig, name: &str, role: &str) -> String {
+pub async fn token(rig: &Rig, name: &str, role: &str) -> String {
     let mut made = rig.spykee(&["token", "new", name, "--role", role]);
     assert_eq!(made.code().await, Some(0), "{}", made.text());
     let text = made.text();
@@ -129,12 +129,12 @@ async fn revoke(rig: &Rig, name: &str) {
     assert_eq!(revoked.code().await, Some(0), "{}", revoked.text());
 }
 
-fn bearer(token: &str) -> String {
+pub fn bearer(token: &str) -> String {
     format!("Authorization: Bearer {token}\r\n")
 }
 
 /// Asks until the answer has this status.
-async fn until_status(at: &str, headers: &str, wanted: u16) {
+pub async fn until_status(at: &str, headers: &str, wanted: u16) {
     let reached = async {
         while ask(at, "GET /api/status", headers, "").await.0 != wanted {
             sleep(Duration::from_millis(50)).await;
@@ -214,18 +214,53 @@ async fn a_login_exchanges_the_token_for_a_cookie_that_no_script_can_read() {
 async fn wrong_tokens_of_others_do_not_lock_out_a_valid_one() {
     let rig = Rig::quiet().await;
     let viewer = bearer(&token(&rig, "tv", "viewer").await);
-    let (run, at) = live(&rig, DRIVE, &[]).await;
+    rig.file("spykee.yaml", "live: { hosts: [robot.example.org] }\n");
+    let (run, at) = live(&rig, DRIVE, &["--config", "spykee.yaml"]).await;
     let wrong = bearer(&format!("spykee_{}", "0".repeat(64)));
-    for _ in 0..100 {
-        assert_eq!(ask(&at, "GET /api/status", &wrong, "").await.0, 401);
-        let guess = json!({ "token": "guess" });
-        assert_eq!(post(&at, "/api/login", "", guess).await.0, 401);
-    }
-    assert_eq!(ask(&at, "GET /api/status", &viewer, "").await.0, 200);
     let from = rig.sim.heard_count();
-    assert_eq!(post(&at, "/api/stop", &viewer, json!({})).await.0, 200);
+    // Ten computers, each also behind a proxy on this one.
+    for number in 0..140 {
+        let source = format!("127.0.0.{}", 2 + number % 10);
+        let proxied = format!("Host: robot.example.org\r\nX-Forwarded-For: {source}\r\n");
+        for headers in [wrong.clone(), format!("{proxied}{wrong}")] {
+            let line = "POST /api/stop";
+            assert_eq!(
+                browser::ask_from(&source, &at, line, &headers, "{}")
+                    .await
+                    .0,
+                401
+            );
+            let login = "POST /api/login";
+            let guess = "{\"token\":\"guess\"}";
+            assert_eq!(
+                browser::ask_from(&source, &at, login, &proxied, guess)
+                    .await
+                    .0,
+                401
+            );
+        }
+        for headers in [viewer.clone(), format!("{proxied}{viewer}")] {
+            assert_eq!(ask(&at, "GET /api/status", &headers, "").await.0, 200);
+            assert_eq!(post(&at, "/api/stop", &headers, json!({})).await.0, 200);
+        }
+    }
     rig.heard_stop(from).await;
     run.says("requests with a wrong token").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_hears_something_twice_a_second_while_nothing_changes() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    let mut sent = Vec::new();
+    while sent.len() < 6 {
+        let heartbeat = page.until("heartbeat", |_| true).await;
+        sent.push(heartbeat["milliseconds"].as_u64().unwrap());
+    }
+    // By the server's clock; a busy machine may delay one, but not each.
+    let shortest = sent.windows(2).map(|two| two[1] - two[0]).min();
+    assert!(shortest.is_some_and(|gap| gap <= 600), "{sent:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -2,12 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
-mod blobs_and_learn;
 mod bus;
 mod calibrate;
 mod check;
 mod cli;
 mod clock;
+mod colour;
 mod config;
 mod control;
 mod delivery;

@@ -10,13 +10,12 @@ mod topic;
 use std::time::Duration;
 
 use rustix::process::Signal;
-use serde_json::Value;
+use serde_json::{Value, json};
 use spykee::sim::{Options, World};
 use spykee::wire::{Command, Sound};
 
-pub use self::broker::Broker;
-use self::broker::Subscriber;
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains};
+pub use self::broker::{Broker, Subscriber};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, run_spykee};
 
 async fn robot(uid: &str) -> Rig {
     let options = Options {
@@ -94,6 +93,72 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     subscriber
         .wait_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
         .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_from_the_broker_holds_a_low_robot_until_a_person_releases_it() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let rig = robot(A).await;
+    rig.sim.hide_station(true);
+    let subscriber = Subscriber::connect(&broker).await;
+    let command = "spykee/SPYKEE0001/command";
+    let answer = "spykee/SPYKEE0001/answer";
+    let answered = async |from: usize, word: &str| {
+        let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
+        let answer = subscriber.wait_for(from, answer, |payload| read(payload)["command"] == word);
+        read(&answer.await)
+    };
+    rig.file("patrol.lua", IDLE);
+    rig.file("asked.lua", IDLE);
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "service: {{ user: root }}\njournal: {{ record: on }}\n\
+             behaviours: [{{ file: patrol.lua }}, {{ file: asked.lua, start: asked }}]\n{}",
+            broker.config()
+        ),
+    );
+    let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let running = |state: &Value| state["running"][0] == "patrol";
+    subscriber.wait_for_state(0, A, running).await;
+    rig.sim.set_battery(12.0);
+    let searches = rig.heard_dock(0).await;
+    subscriber.publish(command, "stop", false).await;
+    let done = answered(0, "stop").await;
+    assert_eq!(done["done"], true, "{done}");
+    let stopped = rig.heard_cancel(searches).await;
+    let from = subscriber.len();
+    let held = |state: &Value| state["emergency_stop"] == true && state["running"] == json!([]);
+    let state = subscriber.wait_for_state(0, A, held).await;
+    assert_eq!(state["problem"], true, "{state}");
+    assert_contains(
+        state["reason"].as_str().unwrap(),
+        &["the MQTT broker", "releases"],
+    );
+    for refused in ["run asked", "undock"] {
+        subscriber.publish(command, refused, false).await;
+        let answer = answered(from, refused).await;
+        assert_eq!(answer["done"], false, "{answer}");
+        assert_contains(answer["text"].as_str().unwrap(), &["STOP holds"]);
+    }
+    let dock = Command::Engine(spykee::wire::Engage::Dock);
+    assert!(!rig.commands(stopped).contains(&dock), "a low robot drives");
+    subscriber.publish(command, "reset_stop", false).await;
+    assert_eq!(answered(from, "reset_stop").await["done"], true);
+    rig.heard_dock(stopped).await;
+    // What STOP has ended runs again; it is not lost until the service restarts.
+    let free = |state: &Value| state["emergency_stop"] == false && running(state);
+    subscriber.wait_for_state(from, A, free).await;
+    run.signal(Signal::TERM);
+    run.code().await;
+    let (_, text) = run_spykee(&rig, &["history", "alarms", "--config", "spykee.yaml"]).await;
+    let told = [
+        "stopped the robot: the MQTT broker",
+        "released the robot: the MQTT broker",
+    ];
+    assert_contains(&text, &told);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -316,7 +316,7 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     );
     let named = ["--config", "spykee.yaml"];
     let test = async |args: &[&str]| {
-        let mut run = rig.spykee(&[&["notify", "test"], args].concat());
+        let mut run = rig.spykee(&[&["config", "test-notify"], args].concat());
         (run.code().await, run.text())
     };
     let (code, text) = test(&named).await;

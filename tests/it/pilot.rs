@@ -202,6 +202,8 @@ async fn commands_are_sent_on_change_only() {
             .await;
         test_pilot.want(Stream::AudioIn).await;
     }
+    rig.heard(from, |command| matches!(command, Command::Stream { .. }))
+        .await;
     test_pilot
         .ask(Intent::Led {
             led: Led::Left,
@@ -343,5 +345,5 @@ async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
     };
     let told = timeout(WAIT_LIMIT, told).await.expect("waits");
     let end = Command::Engine(Engage::CancelDock).to_bytes();
-    assert_eq!(told, [Command::STOP.to_bytes(), end].concat());
+    assert!(told.starts_with(&[Command::STOP.to_bytes(), end].concat()));
 }

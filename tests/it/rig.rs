@@ -132,6 +132,28 @@ pub struct Rig {
 impl Drop for Rig {
     fn drop(&mut self) {
         self.server.abort();
+        end_guardians(self.folder());
+    }
+}
+
+/// Ends the guardians of runs in this folder. Those of killed agents would dial for ten minutes, and the
+/// address may be that of another test's robot by then.
+fn end_guardians(folder: &Path) {
+    let folder = folder.to_string_lossy().into_owned();
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    for process in processes {
+        let command = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+        let command = String::from_utf8_lossy(&command);
+        let number = process
+            .file_name()
+            .to_str()
+            .and_then(|name| name.parse().ok());
+        if command.contains("__guardian")
+            && command.contains(&folder)
+            && let Some(pid) = number.and_then(rustix::process::Pid::from_raw)
+        {
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::KILL);
+        }
     }
 }
 
@@ -282,7 +304,7 @@ impl Rig {
     /// The same, with a pipe as its standard input.
     pub fn spykee_with_pipe(&self, args: &[&str]) -> (Run, ChildStdin) {
         let mut run = Run::start(args, self.folder.path(), Stdio::piped(), &[]);
-        let pipe = run.child.stdin.take().unwrap();
+        let pipe = run.take_input().unwrap();
         (run, pipe)
     }
 
@@ -340,9 +362,15 @@ impl Rig {
 
     /// The commands that were received, without the questions that measure the robot's speed.
     pub fn commands(&self, from: usize) -> Vec<Command> {
+        self.commands_between(from, usize::MAX)
+    }
+
+    /// The same up to an index.
+    pub fn commands_between(&self, from: usize, to: usize) -> Vec<Command> {
         self.sim
             .heard_since(from)
             .into_iter()
+            .take(to.saturating_sub(from))
             .map(|heard| heard.command)
             .filter(|command| *command != Command::PowerQuery)
             .collect()
@@ -425,7 +453,7 @@ pub struct Run {
 }
 
 impl Run {
-    fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
+    pub fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
         let mut process = program(args);
         process.current_dir(folder);
         process.envs(environment.iter().copied());
@@ -442,6 +470,11 @@ impl Run {
             lines,
             readers: vec![out, err],
         }
+    }
+
+    /// Its standard input, if that is a pipe.
+    pub fn take_input(&mut self) -> Option<ChildStdin> {
+        self.child.stdin.take()
     }
 
     /// Everything that was written to stdout and stderr so far.

@@ -226,7 +226,7 @@ async fn scripts_cannot_silence_the_alarm() {
     let last = rig.heard(first + 1, alarm).await;
     assert_eq!(rig.commands(first - 1)[0], Command::Volume(100));
     assert_eq!(rig.at(first - 1).1, rig.at(first).1, "in one write");
-    let heard = &rig.commands(first)[..last - first];
+    let heard = rig.commands_between(first, last);
     let silences = |command: &Command| match command {
         Command::Volume(percent) => *percent < 100,
         Command::Play(sound) => *sound != Sound::Alarm,

@@ -9,7 +9,9 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee, succeed};
+use crate::rig::{
+    QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, moves, run_spykee, succeed,
+};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -138,23 +140,24 @@ async fn recorded(rig: &Rig) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_a_person_has_ended_is_not_resumed() {
+async fn a_service_that_a_person_has_stopped_goes_on_and_resumes_nothing_when_it_restarts() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     let rest =
         "behaviours:\n- file: drive.lua\nschedule:\n- { run: drive, at: '* * * * *', for: 1h }\n";
     config(&rig, "", rest);
     let mut run = serve(&rig);
-    rig.heard_motion(0).await;
+    let moving = rig.heard_motion(0).await;
     recorded(&rig).await;
     succeed(&rig, &["robot", "stop"]).await;
-    assert_eq!(run.code().await, Some(0), "{}", run.text());
-    let left = record(&rig);
-    assert!(left.contains("looked") && !left.contains("drive"), "{left}");
+    let stopped = rig.heard_stop(moving).await;
+    run.signal(Signal::KILL);
+    run.status().await;
     let mut next = serve(&rig);
-    next.says("connected").await;
-    succeed(&rig, &["robot", "volume", "37"]).await;
+    next.says("is not started: a person's STOP holds").await;
     assert!(!next.text().contains("resumes"), "{}", next.text());
+    let drove = rig.commands(stopped).into_iter().find(moves);
+    assert_eq!(drove, None, "it drives in spite of STOP");
     ends_well(&mut next).await;
 }
 
@@ -413,7 +416,11 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
                 - { run: patrol, at: '0 10 * * *' }\n- { run: patrl, at: '0 12 * * *' }\n";
     config(&rig, "", rest);
     let from = ["--from", "2026-05-04 08:00", "--config", "spykee.yaml"];
-    let text = succeed(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
+    let text = succeed(
+        &rig,
+        &[&["config", "schedule", "--next", "4"], &from[..]].concat(),
+    )
+    .await;
     let lines: Vec<&str> = text.lines().collect();
     assert!(
         lines[1].starts_with("Mon 2026-05-04 09:00  patrol     11:00"),
@@ -431,7 +438,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
         lines[4].contains("23:00") && lines[4].contains("quiet"),
         "{text}"
     );
-    let json = [&["schedule", "--next", "1", "--json"], &from[..]].concat();
+    let json = [&["config", "schedule", "--next", "1", "--json"], &from[..]].concat();
     let (_, text) = run_spykee(&rig, &json).await;
     assert_contains(&text, &["\"2026-05-04T09:00:00+00:00\""]);
     // A service with such a timetable does not start.

@@ -2,6 +2,7 @@
 //! TCP where sockets matter, and over a pipe with a paused clock where time matters.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use rand::rngs::StdRng;
@@ -35,6 +36,7 @@ const NOT_FOUND: &[u8] = &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x08];
 const LASER: &[u8] = &[0x50, 0x4B, 0x07, 0x00, 0x01, 0x02];
 const MUSIC: &[u8] = &[0x50, 0x4B, 0x07, 0x00, 0x01, 0x40];
 const STOP: &[u8] = &[0x50, 0x4B, 0x08, 0x00, 0x00];
+pub(super) const POWER_QUERY: &[u8] = &[0x50, 0x4B, 0x03, 0x00, 0x00];
 const VOLUME_50: &[u8] = &[0x50, 0x4B, 0x09, 0x00, 0x01, 0x32];
 const POWER_80: &[u8] = &[0x50, 0x4B, 0x03, 0x00, 0x01, 0x50];
 const POWER_80_CHARGING: &[u8] = &[0x50, 0x4B, 0x03, 0x00, 0x01, 0xB0];
@@ -431,7 +433,7 @@ async fn power_is_sent_on_change_and_periodically() {
     handle.set_battery(80.0);
     assert_eq!(client.next().await.unwrap(), POWER_80_CHARGING);
     let before = handle.state().time;
-    client.send(&[0x50, 0x4B, 0x03, 0x00, 0x00]).await; // one client asks
+    client.send(POWER_QUERY).await; // one client asks
     assert_eq!(client.next().await.unwrap(), POWER_80_CHARGING);
     assert!(handle.state().time - before < Duration::from_secs(1));
 }
@@ -721,11 +723,23 @@ async fn the_same_seed_gives_the_same_bytes() {
 #[tokio::test(start_paused = true)]
 async fn clients_that_do_not_log_in_are_displaced_by_others() {
     let handle = detached(playpen(), Firmware::default());
-    let idle: Vec<_> = (0..8).map(|_| connect(&handle)).collect();
-    let ninth = connect(&handle);
-    assert!(ninth.rest().await.is_empty());
-    for client in idle {
+    let mut user = connect(&handle).log_in().await;
+    let mut silent: VecDeque<_> = (0..20).map(|_| connect(&handle)).collect();
+    for _ in 0..13 {
+        let oldest = silent.pop_front().unwrap();
+        assert!(oldest.rest().await.is_empty());
+    }
+    assert_eq!(handle.state().time, Duration::ZERO, "nobody waits");
+    user.send(FLASH_ON).await;
+    timeout(LIMIT, handle.wait_state(|state| state.leds.flash))
+        .await
+        .unwrap();
+    drop(user);
+    timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
+    connect(&handle).log_in().await;
+    for client in silent {
         assert!(client.rest().await.is_empty());
     }
-    connect(&handle).log_in().await;
 }

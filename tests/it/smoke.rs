@@ -14,6 +14,8 @@ use crate::long_runs::explore::explore;
 use crate::long_runs::rescue::Start;
 use crate::long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
 use crate::long_runs::soak::{self, Ledger, soak};
+use crate::long_runs::stops::breaks::{self, End, Outage};
+use crate::long_runs::stops::queue::{self, Driver, Stopper, Trial};
 use crate::long_runs::{behaviour, month, two_rooms};
 use crate::rig::{in_a_process_of_its_own, sized};
 
@@ -130,6 +132,58 @@ fn expect_home(place: &Place, starts: &[Start], least: usize) {
     let row = Row::new(place.name, Strategy::Builtin, &played);
     let table = format!("{}\n{row}\n{}", heading(), lines.join("\n"));
     assert!(row.home >= least, "{table}");
+}
+
+/// Every STOP on robots of these speeds is executed in time, and nothing moves them afterwards.
+fn expect_stops(speeds: &[Option<f64>]) {
+    let cells = queue::play_all(speeds, &Driver::ALL, 1, 2);
+    let rows: Vec<String> = cells
+        .iter()
+        .map(|(trial, cell)| queue::row(trial, cell))
+        .collect();
+    let kept = cells.iter().all(|(trial, cell)| cell.is_kept(trial.speed));
+    assert!(kept, "{}\n{}", queue::heading(), rows.join("\n"));
+}
+
+#[test]
+fn a_fast_robot_executes_a_stop_at_once() {
+    expect_stops(&[Some(20.0), None]);
+}
+
+#[test]
+fn a_robot_that_executes_slowly_does_the_same_with_the_same_seed() {
+    let trial = Trial {
+        speed: Some(5.0),
+        driver: Driver::Explore,
+        stopper: Stopper::Person,
+        seed: 3,
+    };
+    assert_eq!(queue::play(&trial), queue::play(&trial));
+}
+
+#[test]
+fn a_slow_robot_executes_a_stop_soon() {
+    expect_stops(&[Some(3.0), Some(5.0), Some(8.0)]);
+}
+
+/// Runs that end in these ways while the robot is out of reach for a second leave it standing.
+fn expect_stopped_after_a_break(ends: &[End]) {
+    let cases = breaks::cases(ends, &[Outage::Refused, Outage::Silent], &[1], 1);
+    let outcomes = breaks::play_all(&cases, 8, &|_, _| ());
+    let table = breaks::Table::new(&cases, &outcomes);
+    // How soon is left to the long run: this machine may stall.
+    let stopped = |outcome: &breaks::Outcome| matches!(outcome, breaks::Outcome::After(_));
+    assert!(outcomes.iter().all(stopped), "{table}\n{outcomes:#?}");
+}
+
+#[test]
+fn a_robot_out_of_reach_is_stopped_when_it_is_back_if_its_run_goes_on() {
+    expect_stopped_after_a_break(&[End::Page, End::RobotStop]);
+}
+
+#[test]
+fn a_robot_out_of_reach_at_the_end_of_its_run_is_stopped_when_it_is_back() {
+    expect_stopped_after_a_break(&[End::ScriptReturns, End::For, End::Interrupt, End::Killed]);
 }
 
 /// Breadth first: every pair of events in every order, and many triples.

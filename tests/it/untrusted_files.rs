@@ -168,14 +168,18 @@ async fn pipes_devices_and_folders_in_the_place_of_files_are_reported_at_once() 
         (&["config", "check", "pipe.yaml"], 4, "a pipe"),
         (&["config", "check", "folder.yaml"], 4, "a folder"),
         (&["config", "check", "long.yaml"], 4, "longer than"),
-        (&["world", "check", "pipe.yaml"], 4, "a pipe"),
+        (&["sim", "check", "pipe.yaml"], 4, "a pipe"),
         (&["run", "good.lua", "--sim", "pipe.yaml"], 2, "a pipe"),
         (
             &["sim", "--listen", "127.0.0.1:0", "--faults", "pipe.yaml"],
             2,
             "a pipe",
         ),
-        (&["blobs", "pipe.jpg", "--colour", "red"], 2, "a pipe"),
+        (
+            &["colour", "find", "pipe.jpg", "--colour", "red"],
+            2,
+            "a pipe",
+        ),
     ];
     for (args, code, words) in cases {
         let (ended, said) = run(folder.path(), args).await;
@@ -199,7 +203,7 @@ async fn deeply_nested_yaml_is_refused_quickly() {
             std::fs::write(folder.path().join(&file), text).unwrap();
             for (args, code) in [
                 (["config", "check", &file], 4),
-                (["world", "check", &file], 4),
+                (["sim", "check", &file], 4),
             ] {
                 let (ended, said) = run(folder.path(), &args).await;
                 assert_eq!(ended, Some(code), "{args:?}: {said}");
@@ -246,7 +250,7 @@ async fn no_text_of_a_file_controls_the_terminal_or_breaks_a_report() {
         &test,
         &["test", "dirty_test.lua", "--json"],
         &["test", "dirty_test.lua", "--list"],
-        &["world", "check", "world.yaml"],
+        &["sim", "check", "world.yaml"],
         &["config", "show"],
         &["config", "show", "--json"],
     ];

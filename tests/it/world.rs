@@ -1,4 +1,4 @@
-//! `spykee world` and `run --trace` from the command line, and the promises of the built-in worlds.
+//! `spykee sim` and `run --trace` from the command line, and the promises of the built-in worlds.
 
 use std::time::Duration;
 
@@ -39,7 +39,7 @@ fn every_built_in_world_is_drawn_to_a_picture() {
     for name in World::builtin_names() {
         let file = folder.path().join(format!("{name}.png"));
         let path = file.to_str().unwrap();
-        let drawn = command(&["world", "show", name, "-o", path]);
+        let drawn = command(&["sim", "show", name, "-o", path]);
         assert_eq!((drawn.code, drawn.err.as_str()), (Some(0), ""), "{name}");
         assert_contains(&drawn.out, &[path]);
         let map = image::open(&file).unwrap().to_rgb8();
@@ -55,7 +55,7 @@ fn every_built_in_world_is_drawn_to_a_picture() {
 #[test]
 fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
     let folder = tempfile::tempdir().unwrap();
-    let drawn = run_in(folder.path(), &["world", "show", "hall"]);
+    let drawn = run_in(folder.path(), &["sim", "show", "hall"]);
     assert_eq!(drawn.code, Some(0), "{}", drawn.err);
     let map = image::open(folder.path().join("map.png"))
         .unwrap()
@@ -81,7 +81,7 @@ fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
 
 #[test]
 fn worlds_are_listed_and_checked() {
-    let list = command(&["world", "list"]);
+    let list = command(&["sim", "list"]);
     assert_eq!(list.code, Some(0));
     assert!(
         World::builtin_names().all(|name| list.out.contains(name)),
@@ -91,11 +91,11 @@ fn worlds_are_listed_and_checked() {
     let folder = tempfile::tempdir().unwrap();
     let bad = folder.path().join("bad.yaml");
     std::fs::write(&bad, "room: {width: 4, dept: 3}\n").unwrap();
-    let checked = command(&["world", "check", bad.to_str().unwrap()]);
+    let checked = command(&["sim", "check", bad.to_str().unwrap()]);
     assert_eq!(checked.code, Some(4));
     let error = checked.err;
     assert_contains(&error, &["bad.yaml:1:", "`depth`"]);
-    let shown = command(&["world", "show", "nowhere"]);
+    let shown = command(&["sim", "show", "nowhere"]);
     assert_eq!(shown.code, Some(2));
     let error = shown.err;
     assert_contains(&error, &["nowhere", "line_loop"]);

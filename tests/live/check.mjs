@@ -16,6 +16,8 @@ const WebSocket = require("ws");
 const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const root = path.resolve(path.dirname(fileURLToPath(import.meta.url)), "../..");
 const WAIT_LIMIT = 30_000;
+/** Also the cases that take minutes. */
+const nightly = Boolean(process.env.NIGHTLY);
 
 /** A program that says something when it is there. */
 class Process {
@@ -69,9 +71,11 @@ class Run {
   }
 }
 
-/** Passes bytes on between two sides, until it is frozen: then nothing comes and nobody hangs up. */
+/** Passes bytes on between two sides, until it is frozen: then nothing comes and nobody hangs up. After a thaw new
+ *  connections work; what was open before, or opened meanwhile, stays dead. */
 class Line {
   #sockets = new Set();
+  #dead = new Set();
   #frozen = false;
 
   /** To this port of ours; `change` may make something else of what comes from there. */
@@ -89,13 +93,22 @@ class Line {
 
   #join(from, into, change) {
     this.#sockets.add(from);
-    from.on("data", (data) => this.#frozen || into.write(change(data)));
-    from.on("close", () => into.destroy());
-    from.on("error", () => into.destroy());
+    if (this.#frozen) {
+      this.#dead.add(from);
+    }
+    const alive = () => !this.#dead.has(from);
+    from.on("data", (data) => alive() && into.write(change(data)));
+    from.on("close", () => alive() && into.destroy());
+    from.on("error", () => alive() && into.destroy());
   }
 
   freeze() {
     this.#frozen = true;
+    this.#dead = new Set(this.#sockets);
+  }
+
+  thaw() {
+    this.#frozen = false;
   }
 
   end() {
@@ -181,9 +194,59 @@ const button = (page, name) => page.getByRole("button", { name, exact: true });
 const IDLE = "log.info('I am idle')\ntask.wait(3600)\n";
 const DESK = { viewport: { width: 1280, height: 900 } };
 const PHONE = { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true };
+const LANDSCAPE = { ...PHONE, viewport: { width: 844, height: 390 } };
+const SPIN = "while true do robot.move(30, -30, 0.4) end\n";
+/** How long the page may take until it says that nothing arrives, and a STOP until it is heard, milliseconds; with some
+ *  allowance for a busy machine. */
+const PROMPT = 2000 + 500;
+
+/** Waits; it must not take longer than the page promises. */
+async function promptly(is, what) {
+  const began = Date.now();
+  await until(is, what);
+  const took = Date.now() - began;
+  console.log(`          ${what}: ${took} ms`);
+  if (took > PROMPT) {
+    throw new Error(`${what} took ${took} ms`);
+  }
+}
+
+/** The page says that there is no connection; only STOP works, and says that nobody has heard it. */
+async function saysNotStopped(page, name) {
+  const alert = page.getByRole("alert");
+  const stop = button(page, "STOP");
+  await promptly(() => page.getByText(/^No connection for \d+ s$/).isVisible(), `${name}: no connection`);
+  await page.getByText(/^This picture is \d+ s old$/).waitFor();
+  if (!await page.locator("main button:not([hidden])").first().isDisabled()) {
+    throw new Error("a control works without a connection");
+  }
+  await stop.click();
+  await alert.getByText(/^NOT STOPPED: no connection to the robot's computer/).waitFor();
+  for (const element of [stop, alert]) {
+    const { x, y, width, height } = await element.boundingBox();
+    const view = page.viewportSize();
+    if (x < 0 || y < 0 || x + width > view.width || y + height > view.height) {
+      throw new Error(`${name}: STOP or its words are out of sight`);
+    }
+  }
+  await keep(page, name);
+}
+
+/** STOP is confirmed, and the page works again. */
+async function saysStopped(page) {
+  await page.getByRole("alert").getByText(/^Stopped/).waitFor();
+  await page.getByText(/^No connection/).waitFor({ state: "detached" });
+  await button(page, "Let it move again").click();
+  await page.getByRole("alert").waitFor({ state: "hidden" });
+}
+
+const isStopped = (observer) => () => observer.state.emergency_stop && observer.state.tracks.every((power) => power === 0);
 
 async function open(browser, run, options = DESK) {
   const context = await browser.newContext({ locale: "en-GB", ...options });
+  if (process.env.PAGE) {
+    await context.route(/\.(js|css)$/, (route) => route.fulfill({ path: path.join(process.env.PAGE, new URL(route.request().url()).pathname) }));
+  }
   const page = await context.newPage();
   page.errors = [];
   page.on("pageerror", (error) => page.errors.push(error.message));
@@ -203,6 +266,128 @@ function clean(page) {
 }
 
 const promises = {
+  async "on a network that falls silent the page says so, and STOP is heard when it is back"(browser) {
+    const views = [["desktop-light", DESK, "light"], ["phone-dark", PHONE, "dark"], ["landscape-light", LANDSCAPE, "light"], ["phone-light", PHONE, "light"]];
+    for (const [index, seconds] of (nightly ? [10, 30, 60, 130] : [5, 10]).entries()) {
+      const run = await Run.start({ "spin.lua": SPIN, "spykee.yaml": "live: { hosts: [robot.test] }\n" },
+        ["spin.lua", "--sim", "--config", "spykee.yaml"]);
+      const line = await Line.to(Number(new URL(run.url).port));
+      const observer = new StateObserver(run.url);
+      const [view, options, colorScheme] = views[index];
+      const name = `silent-${view}`;
+      const page = await open(browser, { url: `http://robot.test:${line.port}/` }, { ...options, colorScheme });
+      await ready(page);
+      await observer.moves(true);
+      line.freeze();
+      const over = Date.now() + seconds * 1000;
+      await saysNotStopped(page, name);
+      await page.waitForTimeout(Math.max(0, over - Date.now()));
+      if (observer.state.emergency_stop) {
+        throw new Error("STOP was heard without a network");
+      }
+      line.thaw();
+      await promptly(isStopped(observer), `${name}: STOP after ${seconds} s of silence`);
+      await saysStopped(page);
+      await page.context().close();
+      line.end();
+      observer.close();
+      await run.end();
+    }
+  },
+
+  async "with the program killed or hung the page says that nothing is stopped, and a hung one hears STOP afterwards"(browser) {
+    const sim = await Process.start(["sim", "--listen", "127.0.0.1:0"], /listens on 127\.0\.0\.1:(\d+)/);
+    for (const [name, options, colorScheme] of [["hung-phone-light", PHONE, "light"], ["killed-desktop-dark", DESK, "dark"]]) {
+      const run = await Run.start({ "spin.lua": SPIN }, ["spin.lua", "--robot", `127.0.0.1:${sim.found[1]}`, "--no-check"]);
+      const page = await open(browser, run, { ...options, colorScheme });
+      await ready(page);
+      const hung = name.startsWith("hung");
+      run.process.child.kill(hung ? "SIGSTOP" : "SIGKILL");
+      await saysNotStopped(page, name);
+      if (hung) {
+        await page.waitForTimeout(5000);
+        await keep(page, `${name}-later`);
+        run.process.child.kill("SIGCONT");
+        const observer = new StateObserver(run.url);
+        await promptly(() => observer.state && isStopped(observer)(), `${name}: STOP after the program went on`);
+        observer.close();
+        await saysStopped(page);
+      } else {
+        await button(page, "Give up").click();
+        await page.getByRole("alert").getByText(/^The program does not answer/).waitFor();
+      }
+      await page.context().close();
+      await run.end();
+    }
+    await sim.end();
+  },
+
+  async "an unconfirmed STOP outlives a reload, and ends when it is confirmed or given up"(browser) {
+    const sim = await Process.start(["sim", "--listen", "127.0.0.1:0"], /listens on 127\.0\.0\.1:(\d+)/);
+    const run = await Run.start({ "spin.lua": SPIN }, ["spin.lua", "--robot", `127.0.0.1:${sim.found[1]}`, "--no-check"]);
+    const page = await open(browser, run);
+    await ready(page);
+    sim.child.kill("SIGSTOP");
+    await page.getByText("Connection lost, reconnecting").waitFor();
+    await button(page, "STOP").click();
+    const unreached = page.getByRole("alert").getByText(/^NOT STOPPED: the robot is out of reach/);
+    await unreached.waitFor();
+    await keep(page, "out-of-reach-desktop-light");
+    await page.reload();
+    await unreached.waitFor();
+    await button(page, "Give up").click();
+    await button(page, "Let it move again").waitFor();
+    await page.reload();
+    await button(page, "STOP").click();
+    await unreached.waitFor();
+    sim.child.kill("SIGCONT");
+    await saysStopped(page);
+    await page.context().close();
+    await run.end();
+    await sim.end();
+  },
+
+  async "STOP works while a script is shown, and Escape then only closes it"(browser) {
+    const run = await Run.start({ "spin.lua": SPIN + "-- more\n".repeat(100) }, ["spin.lua", "--sim"]);
+    const observer = new StateObserver(run.url);
+    for (const [name, options] of [["desktop", DESK], ["phone", PHONE], ["landscape", LANDSCAPE]]) {
+      const page = await open(browser, run, options);
+      await ready(page);
+      await observer.moves(true);
+      await button(page, "Script spin").click();
+      await button(page, "Close").waitFor();
+      await keep(page, `script-${name}`);
+      await page.keyboard.press("Escape");
+      await button(page, "Close").waitFor({ state: "hidden" });
+      await page.waitForTimeout(500);
+      if (observer.state.emergency_stop) {
+        throw new Error("Escape in a dialog stops the robot");
+      }
+      await button(page, "Script spin").click();
+      await button(page, "Close").waitFor();
+      await button(page, "STOP").focus();
+      await page.keyboard.press("Enter");
+      await until(isStopped(observer), `${name}: STOP by the keyboard`);
+      await button(page, "Let it move again").click();
+      await observer.moves(true);
+      await button(page, "STOP").click();
+      await until(isStopped(observer), `${name}: STOP`);
+      await page.getByRole("alert").getByText(/^Stopped/).waitFor();
+      // The words of STOP do not cover the dialog.
+      await button(page, "Close").click();
+      await keep(page, `stopped-${name}`);
+      await button(page, "Let it move again").click();
+      await observer.moves(true);
+      await page.keyboard.press("Escape");
+      await until(isStopped(observer), `${name}: Escape without a dialog`);
+      await button(page, "Let it move again").click();
+      clean(page);
+      await page.context().close();
+    }
+    observer.close();
+    await run.end();
+  },
+
   async "keys drive, letting go stops, and so does every loss"(browser) {
     const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"]);
     const observer = new StateObserver(run.url);

@@ -340,7 +340,6 @@ impl ServiceFixture {
             bus,
             view: View::channel().0,
             reloads,
-            ended_by_person: CancellationToken::new(),
         };
         let stop = CancellationToken::new();
         let service = tokio::task::spawn_local(service.run(stop.clone()));

@@ -158,9 +158,8 @@ impl<'a> ErrorSite<'a> {
         })
     }
 
-    pub(super) fn join(&self, left: &str, right: &str) -> Option<Explanation> {
-        let joins = |what: &str| matches!(what, "string" | "number");
-        let what = if joins(left) { right } else { left };
+    /// The parts of the line's `..` that may be what the message says.
+    fn joined(&self, what: &str) -> Vec<&'a Expr> {
         let mut leaves = Vec::new();
         for expr in &self.exprs {
             if let ExprKind::Binary(operator, a, b) = &expr.kind
@@ -180,6 +179,13 @@ impl<'a> ErrorSite<'a> {
                 )
         });
         leaves.sort_by_key(|leaf| leaf.span.start);
+        leaves
+    }
+
+    pub(super) fn join(&self, left: &str, right: &str) -> Option<Explanation> {
+        let joins = |what: &str| matches!(what, "string" | "number");
+        let what = if joins(left) { right } else { left };
+        let leaves = self.joined(what);
         let statement = self
             .statements
             .iter()

@@ -49,11 +49,9 @@ impl ErrorSite<'_> {
         if !complains || behind.iter().any(|token| self.text(token) == word) {
             return None;
         }
+        let end = last.span.end;
         Some(Explanation {
-            at: Span {
-                start: last.span.end,
-                end: last.span.end,
-            },
+            at: Span { start: end, end },
             message: format!("`{keyword}` needs `{word}` after it"),
             help: format!("write `{word}` at the end of this line"),
         })

@@ -1,11 +1,12 @@
 //! Checks calls, operators and their operands.
 
+use super::super::diagnostic::Diagnostic;
 use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::super::{passing, required};
 use super::Walk;
-use crate::api::{self, Choice, EventName, Function, Requirement, Type, Value};
+use crate::api::{self, Bounds, Choice, EventName, Function, Requirement, Type, Value};
 use crate::script::{PICTURE_NAMES, picture_name};
 use crate::wire::Stream;
 
@@ -144,33 +145,23 @@ impl<'a> Walk<'a> {
         }
     }
 
-    pub(super) fn method(
-        &mut self,
-        call: &'a Expr,
-        object: &'a Expr,
-        (name, at): (&'a str, Span),
-        arguments: &'a [Expr],
-    ) {
+    /// Checks a call with a colon.
+    pub(super) fn method(&mut self, call: &'a Expr) {
+        let ExprKind::Method(object, name, at, arguments) = &call.kind else {
+            return;
+        };
+        let name = name.as_str();
+        let at = *at;
         self.expr(object);
         self.exprs(arguments);
         match self.kinds.kind_of(object) {
             ValueKind::Namespace(owner) if self.is_ours(owner) => {
-                let path = format!("{owner}.{name}");
-                if self.context.paths.contains(&path) {
-                    let message = format!("{path} must be called with a dot, not with a colon");
-                    self.error(at, message).help = Some(format!("write {path}(...)"));
-                } else {
-                    self.unknown_field(owner, name, at);
-                }
+                let exists = self.context.paths.contains(&format!("{owner}.{name}"));
+                self.function_with_colon(owner, name, at, exists);
             }
             ValueKind::Module(module) => {
-                if module.function(name).is_some() {
-                    let path = format!("{}.{name}", module.name);
-                    let message = format!("{path} must be called with a dot, not with a colon");
-                    self.error(at, message).help = Some(format!("write {path}(...)"));
-                } else {
-                    self.unknown_field(module.name, name, at);
-                }
+                let exists = module.function(name).is_some();
+                self.function_with_colon(module.name, name, at, exists);
             }
             ValueKind::Object(of) => match of.method(name) {
                 Some(function) => {
@@ -200,24 +191,21 @@ impl<'a> Walk<'a> {
         }
     }
 
+    fn function_with_colon(&mut self, owner: &'a str, name: &'a str, at: Span, exists: bool) {
+        if !exists {
+            return self.unknown_field(owner, name, at);
+        }
+        let path = format!("{owner}.{name}");
+        let message = format!("{path} must be called with a dot, not with a colon");
+        self.error(at, message).help = Some(format!("write {path}(...)"));
+    }
+
     /// Values that are neither numbers nor strings.
     pub(super) fn operands(&mut self, operator: &str, left: &'a Expr, right: &'a Expr) {
         let compares = matches!(operator, "<" | ">" | "<=" | ">=");
         let counts = matches!(operator, "+" | "-" | "*" | "/" | "//" | "%" | "^");
-        if operator == "=="
-            && matches!(left.kind, ExprKind::Unary(ref not, _) if not == "not")
-            && !matches!(
-                self.kinds.kind_of(right),
-                ValueKind::Boolean | ValueKind::Unknown
-            )
-        {
-            let help = format!(
-                "write {} ~= {}",
-                self.source_text(left.span).trim_start_matches("not").trim(),
-                self.source_text(right.span)
-            );
-            let message = "`not` applies only to the left side here, so this compares true or false with something else";
-            self.warning(left.span.to(right.span), message).help = Some(help);
+        if operator == "==" {
+            self.compared_with_not(left, right);
         }
         if matches!(operator, "==" | "~=") {
             self.one_of_names(left, right);
@@ -228,17 +216,16 @@ impl<'a> Walk<'a> {
         }
         for side in [left, right] {
             let kind = self.kinds.kind_of(side);
-            let wrong = match kind {
+            let wrong = matches!(
+                kind,
                 ValueKind::Object(_)
-                | ValueKind::List(_)
-                | ValueKind::Nothing
-                | ValueKind::Native(_)
-                | ValueKind::Function(_) => true,
-                ValueKind::Boolean => operator != "==",
-                _ => false,
-            };
-            let what = self.got_words(side, kind);
-            if wrong && let Some(what) = what {
+                    | ValueKind::List(_)
+                    | ValueKind::Nothing
+                    | ValueKind::Native(_)
+                    | ValueKind::Function(_)
+                    | ValueKind::Boolean
+            );
+            if wrong && let Some(what) = self.got_words(side, kind) {
                 let does = match operator {
                     ".." => "cannot be joined to a string",
                     _ if compares => "cannot be compared with < or >",
@@ -255,17 +242,32 @@ impl<'a> Walk<'a> {
                 return;
             }
         }
-        if let (true, ValueKind::Number(_), ValueKind::Text(_))
-        | (true, ValueKind::Text(_), ValueKind::Number(_)) = (
-            compares,
-            self.kinds.kind_of(left),
-            self.kinds.kind_of(right),
-        ) {
-            self.error(
-                left.span.to(right.span),
-                "a number cannot be compared with a string",
+        let kinds = [left, right].map(|side| self.kinds.kind_of(side));
+        if compares
+            && let [ValueKind::Number(_), ValueKind::Text(_)]
+            | [ValueKind::Text(_), ValueKind::Number(_)] = kinds
+        {
+            let message = "a number cannot be compared with a string";
+            self.error(left.span.to(right.span), message).help =
+                Some("tonumber(text) converts a string to a number".to_owned());
+        }
+    }
+
+    /// `not a == b`, which compares `not a`.
+    fn compared_with_not(&mut self, left: &'a Expr, right: &'a Expr) {
+        if matches!(left.kind, ExprKind::Unary(ref not, _) if not == "not")
+            && !matches!(
+                self.kinds.kind_of(right),
+                ValueKind::Boolean | ValueKind::Unknown
             )
-            .help = Some("tonumber(text) converts a string to a number".to_owned());
+        {
+            let help = format!(
+                "write {} ~= {}",
+                self.source_text(left.span).trim_start_matches("not").trim(),
+                self.source_text(right.span)
+            );
+            let message = "`not` applies only to the left side here, so this compares true or false with something else";
+            self.warning(left.span.to(right.span), message).help = Some(help);
         }
     }
 
@@ -426,7 +428,7 @@ impl<'a> Walk<'a> {
             }
             return;
         }
-        self.fits(call, value, (argument, whole), kind);
+        self.fits(call, value, argument, whole);
     }
 
     /// Returns the help for an argument that must be a function and is not.
@@ -434,7 +436,7 @@ impl<'a> Walk<'a> {
         if !value.kind.is_function() {
             return None;
         }
-        passing::help(self.text.1, argument, whole, value.kind.wants_result())
+        passing::help(self.source.text, argument, whole, value.kind.wants_result())
     }
 
     fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
@@ -446,28 +448,11 @@ impl<'a> Walk<'a> {
         (!open).then_some(function.path)
     }
 
-    fn fits(
-        &mut self,
-        call: &str,
-        value: &'static Value,
-        (argument, whole): (&'a Expr, Option<Span>),
-        kind: ValueKind<'a>,
-    ) {
-        match (&value.kind, kind) {
+    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, whole: Option<Span>) {
+        match (&value.kind, self.kinds.kind_of(argument)) {
             (_, ValueKind::Unknown) | (Type::Any | Type::Payload, _) => {}
             (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(number)) => {
-                let Some(number) = number else { return };
-                if let Some(bounds) = bounds.filter(|bounds| !bounds.contains(number)) {
-                    let words = bounds.describe();
-                    let message = format!("{call}: {} must be {words}, got {number}", value.name);
-                    self.error(argument.span, message);
-                } else if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 {
-                    let message = format!(
-                        "{call}: {} must be a whole number, got {number}",
-                        value.name
-                    );
-                    self.error(argument.span, message);
-                }
+                self.number(call, value, *bounds, argument, number);
             }
             (Type::Boolean, ValueKind::Boolean)
             | (Type::Text(_), ValueKind::Text(_))
@@ -479,7 +464,7 @@ impl<'a> Walk<'a> {
             (Type::Choice(choice), ValueKind::Text(text)) => {
                 self.name(call, choice, text, argument.span)
             }
-            (Type::Colours, _) => self.colour(call, value, argument, kind),
+            (Type::Colours, kind) => self.colour(call, value, argument, kind),
             (Type::Options(keys), ValueKind::Table(table)) => self.options(call, keys, table),
             (Type::Options(_), ValueKind::Object(_) | ValueKind::List(_)) => {}
             (Type::Named(keys), ValueKind::Table(table)) => {
@@ -504,18 +489,48 @@ impl<'a> Walk<'a> {
             ) => {}
             (Type::Buffer, ValueKind::Object(_)) => {}
             (_, kind) => {
-                let Some(got) = self.got(argument, kind) else {
-                    return;
-                };
-                let what = value.label();
-                let message = format!(
-                    "{call}: {what} must be {}, got {got}",
-                    value.kind.describe()
-                );
                 let help = self.passing(value, argument, whole);
-                self.error(argument.span, message).help = help;
+                if let Some(diagnostic) = self.must_be(call, value.label(), value, argument, kind) {
+                    diagnostic.help = help;
+                }
             }
         }
+    }
+
+    fn number(
+        &mut self,
+        call: &str,
+        value: &'static Value,
+        bounds: Option<Bounds>,
+        argument: &'a Expr,
+        number: Option<f64>,
+    ) {
+        let Some(number) = number else { return };
+        let name = value.name;
+        let wanted = match bounds.filter(|bounds| !bounds.contains(number)) {
+            Some(bounds) => bounds.describe(),
+            None if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 => {
+                "a whole number".to_owned()
+            }
+            None => return,
+        };
+        let message = format!("{call}: {name} must be {wanted}, got {number}");
+        self.error(argument.span, message);
+    }
+
+    /// Reports a value of the wrong kind, if its kind is known.
+    fn must_be(
+        &mut self,
+        call: &str,
+        what: &str,
+        value: &'static Value,
+        argument: &'a Expr,
+        kind: ValueKind<'a>,
+    ) -> Option<&mut Diagnostic> {
+        let got = self.got(argument, kind)?;
+        let wanted = value.kind.describe();
+        let message = format!("{call}: {what} must be {wanted}, got {got}");
+        Some(self.error(argument.span, message))
     }
 
     /// Describes the value for messages: `true` and `false` literally.
@@ -569,28 +584,13 @@ impl<'a> Walk<'a> {
                     }
                 }
             }
+            ValueKind::Object(object) if object.name == "Colour" => {}
             ValueKind::Number(_)
             | ValueKind::Boolean
             | ValueKind::Function(_)
-            | ValueKind::Native(_) => {
-                let Some(got) = self.got(argument, kind) else {
-                    return;
-                };
-                let message = format!(
-                    "{call}: {} must be {}, got {got}",
-                    value.name,
-                    value.kind.describe()
-                );
-                self.error(argument.span, message);
-            }
-            ValueKind::Object(object) if object.name != "Colour" => {
-                let message = format!(
-                    "{call}: {} must be {}, got {}",
-                    value.name,
-                    value.kind.describe(),
-                    object.with_article()
-                );
-                self.error(argument.span, message);
+            | ValueKind::Native(_)
+            | ValueKind::Object(_) => {
+                self.must_be(call, value.name, value, argument, kind);
             }
             _ => {}
         }

@@ -39,9 +39,6 @@ pub(super) struct CalibrateArgs {
 }
 
 /// Measures and prints the result.
-///
-/// # Errors
-/// A robot that cannot be reached or may not drive, implausible measurements.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.target.resolve(seed)?;

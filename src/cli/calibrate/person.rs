@@ -91,9 +91,6 @@ async fn answer() -> Result<String, Failure> {
 }
 
 /// Reads one line of stdin and trims it.
-///
-/// # Errors
-/// End of input, or a read error.
 fn line() -> Result<String, Failure> {
     let mut line = String::new();
     let read = std::io::stdin()

@@ -11,7 +11,6 @@ use crate::cli::argument::ArgumentError;
 pub(super) enum Moment {
     /// This long before now.
     Ago(SignedDuration),
-    /// A local date and time.
     At(DateTime),
 }
 
@@ -21,9 +20,6 @@ pub(super) enum Moment {
 pub(super) struct NoSuchTime(#[from] jiff::Error);
 
 /// Parses a moment.
-///
-/// # Errors
-/// Invalid text; the error names the expected form.
 pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     let text = text.trim();
     let at = || text.parse::<DateTime>().ok().map(Moment::At);
@@ -52,9 +48,6 @@ fn ago(text: &str) -> Option<SignedDuration> {
 
 impl Moment {
     /// The timestamp of this moment, relative to `now` and in this time zone.
-    ///
-    /// # Errors
-    /// A time outside the range of the calendar.
     pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, NoSuchTime> {
         let resolved = match self {
             Moment::Ago(ago) => now.checked_sub(*ago),

@@ -229,18 +229,15 @@ pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
 fn describe(one: &Record) -> String {
     let text = |key| one.text(key);
     let whole = |key| one.number(key).unwrap_or(0.0);
+    let if_docked = |words| if one.is("docked") { words } else { "" };
     match one.kind() {
         "link_up" => {
-            let docked = if one.is("docked") {
-                ", on its station"
-            } else {
-                ""
-            };
+            let docked = if_docked(", on its station");
             format!("{} at {}{docked}", text("name"), text("address"))
         }
         "link_down" => text("reason").to_owned(),
         "watchdog" => {
-            let docked = if one.is("docked") { ", docked" } else { "" };
+            let docked = if_docked(", docked");
             format!("{}{docked}", text("state").replace('_', " "))
         }
         "safety" => format!("{}: {}", text("action"), text("reason")),
@@ -270,6 +267,8 @@ fn describe(one: &Record) -> String {
         }
         "given_up" => format!("{}: {}", text("behaviour"), text("message")),
         "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
+        "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
+        "stop_reset" => format!("a person has released the robot: {}", text("by")),
         "picture" => text("path").to_owned(),
         "entry" => format!("{}: {} {}", text("behaviour"), text("kind"), fields(one)),
         "notify" => format!("{}: {}", text("behaviour"), text("text")),

@@ -87,9 +87,6 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
 
 /// Runs the lesson's scenarios with a script, with this many jobs in parallel and this time limit
 /// for each; `None` if interrupted.
-///
-/// # Errors
-/// A process, thread or signal handler that cannot be started.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     file: &Path,

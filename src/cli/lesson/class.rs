@@ -30,9 +30,6 @@ pub(super) struct Learner {
 }
 
 /// All learners, sorted by name: those in the folder, and those on the list who are not in it.
-///
-/// # Errors
-/// A folder that cannot be read, or that has too many entries.
 pub(super) fn learners(
     folder: &Path,
     lesson: &Lesson,

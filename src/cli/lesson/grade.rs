@@ -59,7 +59,6 @@ struct Graded {
     missing: Vec<String>,
 }
 
-/// The results of a class.
 struct Class {
     lesson: &'static Lesson,
     max_points: u32,

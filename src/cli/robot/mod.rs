@@ -22,7 +22,7 @@ use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
 use super::robot_target::{connector, resolve_or_simulate, robot_choice};
 use super::running::RemoteArgs;
-use super::running::find_run;
+use super::running::{find_run, find_service};
 use super::settings::SettingsArgs;
 use super::startup::{refuse_if_stopped, rescue};
 use super::{ConnectionArgs, Console, Exit, Failure};
@@ -36,7 +36,7 @@ use crate::wire::{self, Login};
 /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
 /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
 /// snapshot, dock, undock, stop, reset-stop, led, play, volume and say go through it; without
-/// --robot they address the only active run. With --url they go through a service on another
+/// --robot they address the only active run, stop and reset-stop all of them. With --url they go through a service on another
 /// computer. If any other program uses the robot, end it first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
@@ -160,6 +160,14 @@ impl SharedTargetArgs {
     /// See [`find_run`].
     pub(super) fn find_run(&self) -> Result<Option<Client>, Failure> {
         find_run(&self.settings, &self.connection, &self.remote)
+    }
+
+    /// The service on another computer that the command line or the config names, if any.
+    ///
+    /// # Errors
+    /// See [`find_service`].
+    fn find_service(&self) -> Result<Option<Client>, Failure> {
+        find_service(&self.settings, &self.connection, &self.remote)
     }
 }
 

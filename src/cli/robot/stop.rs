@@ -1,35 +1,50 @@
-//! `spykee robot stop` and `reset-stop`: stops the tracks, with retries, and releases a STOP.
+//! `spykee robot stop` and `reset-stop`: presses STOP and releases it, with or without a run.
 
+use std::path::Path;
 use std::time::Duration;
 
-use tokio::time::{Instant, sleep};
+use futures_util::future::join_all;
+use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
 use super::{RobotTarget, SharedTargetArgs, TargetArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
+use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply, uses_robot};
+use crate::cli::startup::JOURNAL_END;
 use crate::cli::{Exit, Failure, argument, block_on, print};
-use crate::control::{Client, EmergencyStop, RunRequest, RunResponse};
+use crate::clock::Clock;
+use crate::config::Config;
+use crate::control::{
+    self, Client, EmergencyStop, RunRequest, RunResponse, StopAnswer, StoppedRun,
+};
+use crate::guardian;
+use crate::journal::{Journal, JournalReader, RunInfo};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
+use crate::robot::{AgentEvent, Bus, StopConfirmation, StopKept};
 use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
 /// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(200);
+/// Longest wait until STOP is kept in the data folder.
+const KEEP_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// Stop the robot: tracks and the search for its station
+/// Press STOP: the robot stands until a person releases it
 ///
-/// Logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again, and exits when the
-/// robot's side has acknowledged that. If the robot cannot be reached, or does not acknowledge
-/// within 2 s, retries until --timeout; then the exit code is 3. A signal ends the retries, but not
-/// a try that has connected. The robot stays where it is even if its battery is low: `spykee robot
-/// dock` sends it home.
+/// Stops the robot at once, whatever drives it, its own way home on a low battery included. It then
+/// stands until a person releases it, at the page or with `spykee robot reset-stop`: also in later
+/// programs of the same data folder. A `spykee run` ends, a service goes on. Without --robot, all
+/// runs of the data folder are stopped; with --url, the service there.
 ///
-/// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends.
-/// While any other program is connected, the robot refuses further logins: that program must stop
-/// it. With --url the service continues, and the robot stays stopped until a person releases it, at
-/// the page or with `spykee robot reset-stop`.
+/// Says whether the robot has executed the stop, or its system has only acknowledged it. The exit
+/// code is 3 if it has not confirmed it. A run that does not answer is stopped by its guardian.
+///
+/// Without a run, it logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again,
+/// and exits when the robot's side has acknowledged that. If the robot cannot be reached, or does not
+/// acknowledge within 2 s, retries until --timeout. A signal ends the retries, but not a try that has
+/// connected. While any other program is connected, the robot refuses further logins: that program
+/// must stop it.
 ///
 /// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
@@ -47,33 +62,157 @@ pub(super) struct StopArgs {
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.target.alone.settings = args.target.settings.or_defaults();
-    let running = args.target.find_run()?;
-    if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
-        return stop_through_service(run);
+    if let Some(service) = args.target.find_service()? {
+        return stop_service(&service);
     }
-    let mut target = TargetArgs::clone(&args.target);
-    if let Some(run) = &running {
-        tracing::info!(
-            "ending the run that uses the robot (process {})",
-            run.overview.pid
-        );
-        let asked = ask(run, &RunRequest::Stop, REPLY_TIMEOUT);
-        if run.overview.simulated {
-            if asked?.is_none() {
-                return Ok(Exit::Interrupted);
-            }
-            print("stopped: the simulated robot ends with its run\n")?;
-            return Ok(Exit::Done);
-        }
-        // The steps below stop the robot in any case, once it accepts the login.
-        if let Err(failure) = asked {
-            tracing::warn!("{failure}");
-        }
-        // Without --robot, the run was found without an address: use that of its robot.
-        target.connection.robot = run.overview.target.parse().ok();
-    }
-    let target = target.resolve(rand::random())?;
+    let target = TargetArgs::clone(&args.target);
     let limit = Duration::from_secs(args.timeout);
+    if target.connection.sim.is_some() {
+        return stop_directly(vec![target], limit);
+    }
+    let config = target.settings.config()?.clone();
+    let robot = target.connection.robot.as_ref();
+    let chosen = |run: &control::Overview| robot.is_none_or(|robot| uses_robot(run, robot));
+    let stopped = block_on(async {
+        let stopped = control::stop_runs(config.data_folder(), chosen).await;
+        let answered = |run: &StoppedRun| matches!(run.answer, StopAnswer::Run { .. });
+        if stopped.is_empty() || !stopped.iter().all(answered) {
+            warn_of(&keep_stop(&config).await);
+        }
+        stopped
+    })?;
+    if stopped.is_empty() {
+        return stop_directly(vec![target], limit);
+    }
+    let mut unconfirmed = Vec::new();
+    let mut direct = Vec::new();
+    for run in &stopped {
+        let told = tell(run)?;
+        unconfirmed.extend(told.unconfirmed);
+        if told.stop_directly {
+            let mut target = target.clone();
+            target.connection.robot = run
+                .overview
+                .as_ref()
+                .and_then(|run| run.target.parse().ok());
+            direct.push(target);
+        }
+    }
+    if !direct.is_empty() {
+        stop_directly(direct, limit)?;
+    }
+    if unconfirmed.is_empty() {
+        return Ok(Exit::Done);
+    }
+    let failure = Failure::new(Exit::Unreachable, unconfirmed.join("; "));
+    Err(failure.help(
+        "is the robot still in reach of its Wi-Fi? a program that hangs can be ended with `kill \
+         -KILL PROCESS`: its guardian then stops the robot",
+    ))
+}
+
+/// What remains to be done about a run that was stopped.
+#[derive(Default)]
+struct Told {
+    /// Why the stop is not confirmed.
+    unconfirmed: Option<String>,
+    /// The run ends and has said nothing of the robot: stop it directly, once it accepts the login.
+    stop_directly: bool,
+}
+
+/// Tells the person how a run has answered.
+fn tell(run: &StoppedRun) -> Result<Told, Failure> {
+    let pid = run.pid;
+    let mut told = Told::default();
+    match &run.answer {
+        StopAnswer::Run { outcome, ends } => {
+            warn_of(&outcome.kept);
+            let simulated = run.overview.as_ref().is_some_and(|run| run.simulated);
+            let words = outcome.confirmation;
+            if *ends && simulated {
+                print("stopped: the simulated robot ends with its run\n")?;
+            } else if words == StopConfirmation::NotConfirmed {
+                told.unconfirmed = Some(format!("process {pid}: {words}"));
+            } else if *ends && words == StopConfirmation::None {
+                tracing::info!("the run that uses the robot ends (process {pid})");
+                told.stop_directly = true;
+            } else {
+                let end = if *ends {
+                    "the run ends"
+                } else {
+                    "the service goes on"
+                };
+                print(&format!("stopped: {words}; {end} (process {pid})\n"))?;
+            }
+        }
+        StopAnswer::Guardian(guardian::StopAnswer::Written) => print(&format!(
+            "stopped: the run hangs (process {pid}); its guardian has stopped the robot\n"
+        ))?,
+        StopAnswer::Guardian(_) => {
+            told.unconfirmed = Some(format!(
+                "the run hangs (process {pid}), and its guardian does not reach the robot; it keeps \
+                 trying"
+            ));
+        }
+        StopAnswer::Nobody(why) => {
+            told.unconfirmed = Some(format!(
+                "NOT CONFIRMED: {why}, nor does its guardian (process {pid}). Switch the robot off \
+                 by hand if it drives"
+            ));
+        }
+    }
+    Ok(told)
+}
+
+fn warn_of(kept: &StopKept) {
+    if let Some(warning) = kept.warning() {
+        tracing::warn!("{warning}");
+    }
+}
+
+/// Who presses STOP here, for the journal.
+fn this_user() -> String {
+    let user = rustix::process::getuid().as_raw();
+    format!("the command line, user ID {user}")
+}
+
+/// Keeps STOP in the data folder for the next program, and records it, when no run does.
+async fn keep_stop(config: &Config) -> StopKept {
+    let config = config.clone();
+    let runtime = tokio::runtime::Handle::current();
+    let keeping = tokio::task::spawn_blocking(move || {
+        let bus = Bus::default();
+        let journal = journal(&config, &bus);
+        let stop = EmergencyStop::open(config.data_folder(), &bus);
+        let kept = runtime.block_on(stop.engage(&this_user(), || ()));
+        stop.finish(JOURNAL_END);
+        journal.map(|journal| journal.finish(JOURNAL_END));
+        kept
+    });
+    match timeout(KEEP_TIMEOUT, keeping).await {
+        Ok(kept) => kept.unwrap_or_else(|error| StopKept::No(error.to_string())),
+        Err(_) => StopKept::NotYet,
+    }
+}
+
+/// The journal of the data folder, if it has one.
+fn journal(config: &Config, bus: &Bus) -> Option<Journal> {
+    let data = config.data_folder();
+    JournalReader::open(data).ok().flatten()?;
+    let about = RunInfo {
+        target: String::new(),
+        simulated: false,
+    };
+    Journal::start(bus, data, config.journal, about, Clock::default()).ok()
+}
+
+/// Stops robots over connections of our own, at the same time.
+fn stop_directly(targets: Vec<TargetArgs>, limit: Duration) -> Result<Exit, Failure> {
+    let targets: Result<Vec<_>, _> = targets
+        .iter()
+        .map(|target| target.resolve(rand::random()))
+        .collect();
+    let targets = targets?;
     block_on(async {
         let interrupted = interruption()?;
         let ended = CancellationToken::new();
@@ -82,30 +221,41 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             interrupted.await;
             ending.cancel();
         });
-        match stop_with_retries(&target, limit, &ended).await? {
-            Some(delivery @ (Delivery::Executed | Delivery::Acknowledged)) => {
-                print(&format!("stopped: {delivery}\n"))?;
-                Ok(Exit::Done)
+        let tries = targets
+            .iter()
+            .map(|target| stop_with_retries(target, limit, &ended));
+        for tried in join_all(tries).await {
+            match tried? {
+                Some(delivery @ (Delivery::Executed | Delivery::Acknowledged)) => {
+                    print(&format!("stopped: {delivery}\n"))?;
+                }
+                Some(delivery) => {
+                    let help = "is the robot still in reach of its Wi-Fi? try again";
+                    return Err(Failure::new(Exit::Unreachable, delivery).help(help));
+                }
+                None => return Ok(Exit::Interrupted),
             }
-            Some(delivery) => {
-                let help = "is the robot still in reach of its Wi-Fi? try again";
-                Err(Failure::new(Exit::Unreachable, delivery).help(help))
-            }
-            None => Ok(Exit::Interrupted),
         }
+        Ok(Exit::Done)
     })?
 }
 
-/// Stops the robot through a service. The service continues, but the robot cannot move until the
-/// stop is released.
-fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
-    if ask(run, &RunRequest::Stop, REPLY_TIMEOUT)?.is_none() {
-        return Ok(Exit::Interrupted);
+/// Presses STOP at a service on another computer.
+fn stop_service(service: &Client) -> Result<Exit, Failure> {
+    let outcome = match ask(service, &RunRequest::Stop, REPLY_TIMEOUT)? {
+        None => return Ok(Exit::Interrupted),
+        Some(RunResponse::Stopped { outcome, .. }) => outcome,
+        Some(_) => return Err(unexpected_reply()),
+    };
+    warn_of(&outcome.kept);
+    let words = outcome.confirmation;
+    if words == StopConfirmation::NotConfirmed {
+        return Err(Failure::new(Exit::Unreachable, words));
     }
-    print(
-        "stopped: the robot does not move until it is released, at the page or with `spykee robot \
-         reset-stop`\n",
-    )?;
+    print(&format!(
+        "stopped: {words}; the robot does not move until it is released, at the page or with `spykee \
+         robot reset-stop`\n"
+    ))?;
     Ok(Exit::Done)
 }
 
@@ -163,9 +313,10 @@ async fn try_stop(
 
 /// Release STOP, so that the robot may move again
 ///
-/// STOP at the page, or through the API, holds until a person releases it, also in later programs of
-/// the same data folder. If a run or service uses the robot, this releases it there, as the button
-/// on the page does; otherwise it releases what an earlier one has left behind in the data folder.
+/// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
+/// person releases it, also in later programs of the same data folder. This releases it in all runs
+/// and services of the data folder, or only in the one that uses the robot of --robot; with --url in
+/// the service there; without any, what an earlier program has left behind in the data folder.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot reset-stop")]
 pub(super) struct ResetStopArgs {
@@ -179,24 +330,51 @@ pub(super) fn reset_stop(args: &ResetStopArgs) -> Result<Exit, Failure> {
             "--sim starts a new simulated robot, which nobody has stopped",
         ));
     }
-    if let Some(run) = args.target.find_run()? {
-        return match ask(&run, &RunRequest::ResetStop, REPLY_TIMEOUT)? {
-            None => Ok(Exit::Interrupted),
-            Some(RunResponse::Done) => {
-                print("released: the robot may move again\n")?;
-                Ok(Exit::Done)
-            }
-            Some(_) => Err(unexpected_reply()),
-        };
-    }
-    let data = args.target.settings.config()?.data_folder();
-    match EmergencyStop::remove(data) {
-        Ok(true) => print("released: the next program may move the robot again\n")?,
-        Ok(false) => print("nothing to release: no STOP holds in this data folder\n")?,
-        Err(error) => {
-            let doing = format_args!("release STOP in {}", data.display());
-            return Err(Failure::io(doing, error));
+    let config = args.target.settings.config()?;
+    let runs = match args.target.find_service()? {
+        Some(service) => vec![service],
+        None => runs(config.data_folder(), &args.target)?,
+    };
+    for run in &runs {
+        match ask(run, &RunRequest::ResetStop, REPLY_TIMEOUT)? {
+            None => return Ok(Exit::Interrupted),
+            Some(RunResponse::Done) => print("released: the robot may move again\n")?,
+            Some(_) => return Err(unexpected_reply()),
         }
     }
+    if runs.is_empty() {
+        reset_in_folder(config)?;
+    }
     Ok(Exit::Done)
+}
+
+/// The runs that are to be released.
+fn runs(data: &Path, target: &SharedTargetArgs) -> Result<Vec<Client>, Failure> {
+    let (mut runs, silent) = block_on(control::runs(data))?;
+    if silent > 0 {
+        tracing::warn!("a run does not answer: STOP holds there until it is released");
+    }
+    if let Some(robot) = &target.connection.robot {
+        runs.retain(|run| uses_robot(&run.overview, robot));
+    }
+    Ok(runs)
+}
+
+/// Releases what an earlier program has left behind.
+fn reset_in_folder(config: &Config) -> Result<(), Failure> {
+    let data = config.data_folder();
+    match EmergencyStop::remove(data) {
+        Ok(true) => {
+            let bus = Bus::default();
+            let journal = journal(config, &bus);
+            bus.publish(AgentEvent::StopReset { by: this_user() });
+            journal.map(|journal| journal.finish(JOURNAL_END));
+            print("released: the next program may move the robot again\n")
+        }
+        Ok(false) => print("nothing to release: no STOP holds in this data folder\n"),
+        Err(error) => {
+            let doing = format_args!("release STOP in {}", data.display());
+            Err(Failure::io(doing, error))
+        }
+    }
 }

@@ -16,9 +16,6 @@ use crate::timetable::Record;
 use crate::wire::Login;
 
 /// Serves until the time limit or the first signal.
-///
-/// # Errors
-/// A real robot, a world that cannot be used, a thread that cannot be started.
 pub(super) fn serve(
     args: &ServeArgs,
     place: RobotChoice,
@@ -78,7 +75,6 @@ pub(super) fn serve(
             bus,
             view: View::channel().0,
             reloads,
-            ended_by_person: tokio_util::sync::CancellationToken::new(),
         };
         let outcome = service.run(stop).await;
         if let Some(journal) = journal {

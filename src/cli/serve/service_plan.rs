@@ -43,9 +43,6 @@ pub(super) struct PlanLoader {
 
 impl PlanLoader {
     /// Builds the plan.
-    ///
-    /// # Errors
-    /// A script that cannot be read or has a mistake, a timetable that names an unknown behaviour.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedPlan, Failure> {
         let loader = BehaviourLoader {
             config,
@@ -73,18 +70,9 @@ impl PlanLoader {
         if let Some((what, known)) = unknown_behaviour(&table, &names) {
             return Err(Failure::usage(what).help(known));
         }
-        let scheduled = |name: &String| table.rules.iter().any(|rule| rule.run == *name);
-        let always = |(entry, name): &(&Entry, &String)| match entry.start {
-            Some(start) => start == Start::Always,
-            None => !scheduled(name),
-        };
-        let always = config.behaviours.iter().zip(&names).filter(always);
-        let always = always.map(|(_, name)| name.clone()).collect();
-        let fingerprints = names
-            .iter()
-            .cloned()
-            .zip(behaviours.iter().map(fingerprint));
-        let fingerprints = fingerprints.collect();
+        let always = always(&config.behaviours, &names, &table);
+        let fingerprints = behaviours.iter().map(fingerprint);
+        let fingerprints = names.into_iter().zip(fingerprints).collect();
         let definition = RunDefinition {
             scripts: behaviours.iter().map(live::script).collect(),
             timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
@@ -112,23 +100,24 @@ impl PlanLoader {
         mut hangup: Signal,
         reload: mpsc::Sender<Reload>,
         shown: watch::Sender<RunDefinition>,
-        mut now: (Config, LoadedPlan),
+        mut config: Config,
+        mut loaded: LoadedPlan,
     ) -> Infallible {
         while hangup.recv().await.is_some() {
             tracing::info!("SIGHUP: reloading the settings");
             let loader = self.clone();
             let read = tokio::task::spawn_blocking(move || loader.reload()).await;
             match read {
-                Ok(Ok(new)) => {
-                    warn_restart_needed(&now.0, &new.0);
-                    let before = std::mem::replace(&mut now, new);
-                    let fingerprints = &now.1.fingerprints;
-                    let changed = fingerprints.iter().filter(|(name, fingerprint)| {
-                        before.1.fingerprints.get(*name) != Some(*fingerprint)
-                    });
+                Ok(Ok((new_config, new))) => {
+                    warn_restart_needed(&config, &new_config);
+                    config = new_config;
+                    let before = std::mem::replace(&mut loaded, new).fingerprints;
+                    let fingerprints = loaded.fingerprints.iter();
+                    let changed = fingerprints
+                        .filter(|(name, fingerprint)| before.get(*name) != Some(*fingerprint));
                     let changed = changed.map(|(name, _)| name.clone()).collect();
-                    shown.send_replace(now.1.definition.clone());
-                    let service_plan = now.1.service_plan.clone();
+                    shown.send_replace(loaded.definition.clone());
+                    let service_plan = loaded.service_plan.clone();
                     let _ = reload
                         .send(Reload {
                             service_plan,
@@ -162,6 +151,17 @@ impl PlanLoader {
         let loaded = loader.load(&config)?;
         Ok((config, loaded))
     }
+}
+
+/// The names of those behaviours that run whenever the service does.
+fn always(entries: &[Entry], names: &[String], table: &Timetable) -> Vec<String> {
+    let scheduled = |name: &String| table.rules.iter().any(|rule| rule.run == *name);
+    let always = |(entry, name): &(&Entry, &String)| match entry.start {
+        Some(start) => start == Start::Always,
+        None => !scheduled(name),
+    };
+    let always = entries.iter().zip(names).filter(always);
+    always.map(|(_, name)| name.clone()).collect()
 }
 
 /// The fingerprint of a behaviour: equal if script, options, priority and restart policy are equal.

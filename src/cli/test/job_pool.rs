@@ -21,7 +21,6 @@ pub(in super::super) struct Job<'a> {
     pub(in super::super) seed: u64,
 }
 
-/// A job and its result.
 pub(in super::super) struct JobResult<'a> {
     pub(in super::super) job: Job<'a>,
     pub(in super::super) result: ScenarioResult,
@@ -52,9 +51,6 @@ impl JobPool {
     }
 
     /// Runs all jobs and calls `take` with each result. Starts no more jobs after an interruption.
-    ///
-    /// # Errors
-    /// Threads, processes or signal handlers that cannot be started.
     pub(in super::super) fn run<'a>(
         &self,
         scenario_files: &[&ScenarioFile],

@@ -18,7 +18,6 @@ use crate::files::Folder;
 use crate::sanitize;
 use crate::scenario::{Failure, Snapshot};
 
-/// All runs of a file.
 struct FileReport {
     file: String,
     /// Why its scenarios cannot be run, if they cannot.
@@ -59,7 +58,6 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Creates a report for the jobs to run.
     pub(super) fn new(test_files: &[TestFile], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
         let mut scenario_files = 0;
         let file_report = |file: &TestFile| {
@@ -294,11 +292,8 @@ impl Run {
         let (Some(outcome), Some(failure)) = (&self.outcome, self.failure()) else {
             return;
         };
-        let location = failure
-            .location
-            .as_ref()
-            .map(|location| format!("{location}: "));
-        let location = location.unwrap_or_default();
+        let location = failure.location.as_ref();
+        let location = location.map_or_else(String::new, |location| format!("{location}: "));
         let message = indented(&failure.message, 8);
         let _ = writeln!(text, "        {location}{message}");
         if let (Some(location), Some(line)) = (&failure.location, &failure.line) {
@@ -323,31 +318,23 @@ impl Run {
             ),
             None => writeln!(text, "        with seed {}", self.seed),
         };
-        if !failure.recent.is_empty() {
-            let _ = writeln!(text, "        last events:");
-            for line in &failure.recent {
-                let _ = writeln!(text, "        {line}");
-            }
-        }
-        if !outcome.lines.is_empty() {
-            let _ = writeln!(text, "        output of the scenario:");
-            for line in &outcome.lines {
-                let _ = writeln!(text, "          {}", indented(line, 10));
-            }
-        }
-        match &outcome.picture {
+        write_list(text, "        last events:", &failure.recent, |line| {
+            format!("        {line}")
+        });
+        write_list(
+            text,
+            "        output of the scenario:",
+            &outcome.lines,
+            |line| format!("          {}", indented(line, 10)),
+        );
+        let _ = match &outcome.picture {
             Some(Ok(path)) => {
-                let _ = writeln!(
-                    text,
-                    "        the robot's path is drawn in {}",
-                    path.display()
-                );
+                let path = path.display();
+                writeln!(text, "        the robot's path is drawn in {path}")
             }
-            Some(Err(why)) => {
-                let _ = writeln!(text, "        {why}");
-            }
-            None => {}
-        }
+            Some(Err(why)) => writeln!(text, "        {why}"),
+            None => Ok(()),
+        };
     }
 
     fn picture_name(&self, file: &str) -> String {
@@ -405,15 +392,22 @@ fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn>
         .map_err(cannot)
 }
 
+/// Writes a heading and the lines below it, if there are any.
+fn write_list(text: &mut String, heading: &str, lines: &[String], show: fn(&String) -> String) {
+    if !lines.is_empty() {
+        let _ = writeln!(text, "{heading}");
+    }
+    for line in lines {
+        let _ = writeln!(text, "{}", show(line));
+    }
+}
+
 /// Indents all lines but the first.
 fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
 }
 
 /// The report as a JUnit document.
-///
-/// # Errors
-/// None is known, as the document is written to memory.
 pub(super) fn junit(report: &Report) -> Result<Vec<u8>, cli::Failure> {
     write_junit(report).map_err(|error| cli::Failure::io("create the JUnit report", error))
 }

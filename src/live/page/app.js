@@ -11,7 +11,9 @@ import { askForToken, logInByLink, logOut, me } from "./login.js";
 import { map } from "./map.js";
 import { historyCard, schedule } from "./history.js";
 import { robot } from "./robot.js";
+import { closeScript } from "./script.js";
 import { simulation } from "./simulation.js";
+import { emergencyStop } from "./stop.js";
 import { language, languages, t } from "./texts.js";
 
 const NOTICE = 6000;
@@ -36,7 +38,7 @@ function build(app, visitor) {
   const banner = h("p", { class: "banner", role: "alert", hidden: true });
   const notice = h("p", { class: "notice", role: "status" });
   let fading = null;
-  let emergencyStop = false;
+  let last = null;
   let you = null;
 
   function note(text) {
@@ -54,13 +56,9 @@ function build(app, visitor) {
     return answer;
   }
 
-  const engageStop = () => connection.send({ type: "stop" });
-  const stop = h("button", { type: "button", class: "stop", title: t("stop_help"), onclick: engageStop }, t("stop"));
-  const resetStop = h("button", {
-    type: "button", class: "reset-stop driver-only", hidden: true, onclick: () => connection.send({ type: "reset_stop" }),
-  }, t("reset_stop"));
+  const stop = emergencyStop(connection, show);
   // In the capture phase, before any other listener and wherever the focus is.
-  window.addEventListener("keydown", (event) => event.key === "Escape" && engageStop(), true);
+  window.addEventListener("keydown", (event) => event.key === "Escape" && (closeScript() || stop.engage()), true);
 
   const name = h("input", {
     id: "name", maxlength: 24, autocomplete: "nickname", value: remembered("name", ""),
@@ -75,17 +73,19 @@ function build(app, visitor) {
     battery: battery(connection), robot: robot(connection, command), behaviours: behaviours(connection, command),
     simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection),
   };
+  const controls = h("fieldset", { class: "grid", role: "none" },
+    h("div", { class: "column" }, parts.camera, parts.log, parts.history),
+    h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
+    h("div", { class: "column" }, parts.drive, parts.battery, parts.robot));
   app.replaceChildren(
-    h("header", { class: "top" },
-      h("img", { src: "/icon.svg", alt: "", width: 36, height: 36 }),
-      h("div", { class: "who" }, title, detail),
-      h("div", { class: "how" }, state),
-      h("div", { class: "emergency-stop" }, resetStop, stop)),
-    banner,
-    h("main", { class: "grid" },
-      h("div", { class: "column" }, parts.camera, parts.log, parts.history),
-      h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
-      h("div", { class: "column" }, parts.drive, parts.battery, parts.robot)),
+    h("header", {},
+      h("div", { class: "top" },
+        h("img", { src: "/icon.svg", alt: "", width: 36, height: 36 }),
+        h("div", { class: "who" }, title, detail),
+        h("div", { class: "how" }, state),
+        stop.element),
+      banner),
+    h("main", {}, controls),
     notice,
     h("footer", { class: "row" },
       h("span", { class: "field" }, h("label", { for: "name" }, t("name")), name),
@@ -100,8 +100,6 @@ function build(app, visitor) {
       visitor.open ? null : h("button", { type: "button", onclick: logOut }, t("logout"))));
 
   connection.on("open", () => {
-    banner.hidden = true;
-    document.body.classList.remove("lost");
     if (name.value) {
       connection.send({ type: "name", name: name.value });
     }
@@ -115,8 +113,7 @@ function build(app, visitor) {
   connection.on("state", (now) => {
     say(title, now.robot?.name ?? "spykee");
     document.title = `${visible(now.robot?.name ?? "spykee")} · ${now.battery ? `${now.battery.percent} %` : ""}`;
-    say(state, words(now));
-    state.className = `state ${now.emergency_stop ? "bad" : kind(now)}`;
+    last = now;
     const facts = [
       now.link === "up" ? t(`dock_state_${now.dock_state}`) : null,
       now.simulated ? t("simulated") : now.target,
@@ -125,31 +122,49 @@ function build(app, visitor) {
       visitor.role === "viewer" ? t("role_viewer") : null,
     ];
     say(detail, facts.filter((one) => one).join(" · "));
-    if (emergencyStop !== now.emergency_stop || now.emergency_stop) {
-      banner.hidden = !now.emergency_stop;
-      say(banner, now.emergency_stop ? `${t("emergency_stop")}${now.low ? ` ${t("emergency_stop_low")}` : ""}` : "");
-      resetStop.hidden = !now.emergency_stop;
-      document.body.classList.toggle("stopped", now.emergency_stop);
-    }
-    emergencyStop = now.emergency_stop;
+    show();
   });
   connection.on("notice", ({ key, name: other }) => note(t(key, { name: other })));
   connection.on("lost", async () => {
-    document.body.classList.add("lost");
-    banner.hidden = false;
-    say(banner, t("server_lost"));
+    // Only six requests are sent at once: those of STOP come first.
+    if (connection.stopping) {
+      return;
+    }
     const still = await me().catch(() => null);
     if (still && still.role === null) {
       location.reload();
     }
   });
 
-  function words(now) {
-    if (now.emergency_stop) {
-      return t("stop");
+  connection.on("age", show);
+
+  /** Shows what is wrong, if anything is: header, banner, and whether the controls work. */
+  function show() {
+    const { late } = connection;
+    const stopped = stop.sentence();
+    controls.disabled = late || connection.stopping;
+    document.body.classList.toggle("lost", late);
+    if (late) {
+      say(state, t("no_connection", { seconds: Math.floor(connection.age / 1000) }));
+      state.className = "state bad";
+    } else if (last) {
+      say(state, words(last));
+      state.className = `state ${last.emergency_stop ? "bad" : kind(last)}`;
     }
+    // The seconds are not read out, but the banner is.
+    state.setAttribute("aria-live", late ? "off" : "polite");
+    const low = stopped && last?.low ? ` ${t("emergency_stop_low")}` : "";
+    say(banner, stopped ? `${t(stopped)}${low}` : late ? t("server_lost") : "");
+    banner.hidden = banner.textContent === "";
+    banner.classList.toggle("loud", ["stop_no_connection", "stop_out_of_reach"].includes(stopped));
+  }
+
+  function words(now) {
     if (now.link !== "up") {
       return t(now.link);
+    }
+    if (now.emergency_stop) {
+      return t("stop");
     }
     if (now.driver) {
       return now.driver.id === you ? t("driving_you") : t("driving", { name: now.driver.name });
@@ -158,6 +173,7 @@ function build(app, visitor) {
   }
 
   connection.connect();
+  stop.resume();
 }
 
 function kind(now) {
@@ -173,7 +189,12 @@ async function begin() {
   // A link with a token, opened where the page is open already.
   window.addEventListener("hashchange", () => location.reload());
   const linked = await logInByLink();
-  let visitor = await me();
+  let visitor = await me().catch(() => null);
+  while (visitor === null) {
+    app.replaceChildren(h("p", { class: "banner", role: "alert" }, t("server_lost")));
+    await new Promise((resolve) => setTimeout(resolve, 1000));
+    visitor = await me().catch(() => null);
+  }
   if (visitor.role === null) {
     visitor = await askForToken(app, linked.error);
   }

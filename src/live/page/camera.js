@@ -1,20 +1,26 @@
 // The camera: the newest frame, and what scripts found in it.
 
-import { h, remember, remembered, say, visible } from "./dom.js";
+import { h, remember, remembered, say, since, stamp, visible } from "./dom.js";
 import { t } from "./texts.js";
 
 /** Findings older than this are not drawn, milliseconds. */
 const FRESH = 1000;
+/** A picture older than this is shown in grey, with its age; milliseconds. */
+const STALE = 2000;
 
 export function camera(connection) {
   const image = h("img", { class: "frame", alt: t("camera_alt"), hidden: true });
   const overlay = h("canvas", { class: "overlay", "aria-hidden": "true" });
   const note = h("p", { class: "placeholder" }, t("camera_wait"));
   const rate = h("span", { class: "quiet" });
-  const stage = h("div", { class: "stage" }, image, overlay, note);
+  const age = h("p", { class: "age", hidden: true });
+  const stage = h("div", { class: "stage" }, image, overlay, note, age);
   const found = new Map();
   let possible = true;
   let shown = null;
+  let came = stamp();
+  /** Whether the clock of a simulation stands, and its pictures with it. */
+  let paused = false;
 
   const box = (id, key, usual) => {
     const input = h("input", { id, type: "checkbox", checked: remembered(id, usual) === "yes" });
@@ -84,7 +90,20 @@ export function camera(connection) {
     connection.send({ type: "frame_shown" });
   });
   image.addEventListener("error", () => connection.send({ type: "frame_shown" }));
+  function grow() {
+    const stale = !image.hidden && !paused && since(came) >= STALE;
+    stage.classList.toggle("stale", stale);
+    age.hidden = !stale;
+    say(age, stale ? t("camera_age", { seconds: Math.floor(since(came) / 1000) }) : "");
+    if (stale) {
+      say(rate, "");
+    }
+  }
+  connection.on("age", grow);
+  connection.on("map", ({ clock }) => { paused = clock?.paused ?? false; });
   connection.on("frame", ({ jpeg }) => {
+    came = stamp();
+    grow();
     const url = URL.createObjectURL(new Blob([jpeg], { type: "image/jpeg" }));
     const old = shown;
     shown = url;
@@ -102,12 +121,7 @@ export function camera(connection) {
     possible = can;
     want();
   });
-  connection.on("state", ({ fps }) => say(rate, image.hidden ? "" : t("fps", { fps })));
-  connection.on("lost", () => {
-    image.hidden = true;
-    note.hidden = false;
-    say(note, t("camera_wait"));
-  });
+  connection.on("state", ({ fps }) => say(rate, image.hidden || !age.hidden ? "" : t("fps", { fps })));
   document.addEventListener("visibilitychange", want);
 
   return h("section", { class: "card camera", "aria-labelledby": "camera-title" },

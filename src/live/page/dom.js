@@ -3,6 +3,8 @@
 const SVG = "http://www.w3.org/2000/svg";
 /** Characters that are invisible or change the reading direction. */
 const HIDDEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u061c\u200e\u200f\u2028-\u202e\u2060\u2066-\u2069\ufeff]/g;
+/** Requests end after this time: a browser sends only six at once, and STOP must not wait for them. */
+export const FETCH_LIMIT = 5000;
 const SPOKEN = ["aria-label", "title", "alt"];
 
 /** Replaces hidden characters by visible escapes such as `\u202e`. */
@@ -46,6 +48,16 @@ export function say(element, text) {
 /** Limits a number to a range. */
 export function within(number, low, high) {
   return Math.min(high, Math.max(low, number));
+}
+
+/** A moment for `since`, this many milliseconds ago. */
+export function stamp(ago = 0) {
+  return { page: performance.now() - ago, day: Date.now() - ago };
+}
+
+/** Milliseconds since that moment. The page's clock may stand while the device sleeps; the time of day may be set. */
+export function since({ page, day }) {
+  return Math.max(performance.now() - page, Date.now() - day);
 }
 
 /** Formats seconds as `1:02:03`. */

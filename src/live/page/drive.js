@@ -160,6 +160,8 @@ export function drive(connection, command, notice) {
     mine = false;
     rest();
   });
+  // What was held may be released meanwhile, unheard.
+  connection.on("age", () => connection.late && rest());
 
   const dock = (what) => async () => {
     const { ok, text } = await command({ do: what });

@@ -1,6 +1,6 @@
 // History and timetable of a service.
 
-import { h, s, visible } from "./dom.js";
+import { FETCH_LIMIT, h, s, visible } from "./dom.js";
 import { t } from "./texts.js";
 
 /** The ranges of the history in days, with the formats of their axes. */
@@ -18,7 +18,7 @@ const PICTURES = 8;
 const GOOD = ["done", "already_docked", "not_docked"];
 
 async function ask(path) {
-  const answer = await fetch(path).catch(() => null);
+  const answer = await fetch(path, { signal: AbortSignal.timeout(FETCH_LIMIT) }).catch(() => null);
   return answer?.ok ? answer.json() : null;
 }
 

@@ -1,11 +1,11 @@
 // Logging in: with the token of a link, or one that a person pastes.
 
-import { h, say } from "./dom.js";
+import { FETCH_LIMIT, h, say } from "./dom.js";
 import { t } from "./texts.js";
 
 /** Fetches the visitor's role, and whether no login is needed: `{ role, open }`. */
 export async function me() {
-  const answer = await fetch("/api/me");
+  const answer = await fetch("/api/me", { signal: AbortSignal.timeout(FETCH_LIMIT) });
   return answer.json();
 }
 

@@ -176,10 +176,6 @@ impl Builder<'_> {
 }
 
 /// Pairs each row with its native function.
-///
-/// # Errors
-///
-/// If a row has no native function, or a native function has no row.
 fn paired(
     owner: &str,
     rows: &'static [Function],

@@ -85,9 +85,6 @@ pub(in crate::script) enum SetParamError {
 }
 
 /// Changes a parameter for a person: the script's table has the new value from now on.
-///
-/// # Errors
-/// See [`SetParamError`].
 pub(in crate::script) fn set_live(
     lua: &Lua,
     state: &mut State,

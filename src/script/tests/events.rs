@@ -227,7 +227,7 @@ fn the_newest_frame_wins() {
 fn the_size_of_kept_frames_is_bounded() {
     let mut rig = Rig::with(
         "keep = {} robot.on('frame', function(f) if f.seq > 100 then table.insert(keep, f) end end)",
-        |options| options.limits.frame_bytes = 100_000,
+        |options| options.limits.memory_bytes = 1 << 20,
     );
     for seq in 1..=100 {
         let frame = frame(&rig, seq, 10_000);
@@ -235,7 +235,7 @@ fn the_size_of_kept_frames_is_bounded() {
         rig.run();
     }
     assert!(rig.script.ended().is_none());
-    for seq in 101..=120 {
+    for seq in 101..=220 {
         let frame = frame(&rig, seq, 10_000);
         rig.script.deliver_frame(frame, rig.now);
         rig.run();

@@ -10,7 +10,7 @@ use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Firmware {
     /// The tracks stop when the user disconnects. Default: they keep running.
@@ -24,6 +24,21 @@ pub struct Firmware {
     pub move_while_undocking: FirmwareBehaviour,
     /// ENGINE 1 sent to the robot undocks it, as CHARGE_STOP does. Default: it does nothing.
     pub activate_undocks: bool,
+    /// Commands that the robot's program executes per second, one after another in the order in
+    /// which they came; an idle program executes one at once. Answers come when the question is
+    /// executed; a login is not delayed, nor is what the robot reports by itself. Default: every
+    /// command at once.
+    ///
+    /// What was received is executed even if its connection has ended meanwhile; a question that
+    /// it asked then stays without answer. Only a reboot empties the queue.
+    #[serde(deserialize_with = "some_rate")]
+    pub commands_per_second: Option<f64>,
+    /// Commands that wait at most; when there are more, the robot does not read on, and they stay
+    /// in the network's buffers. Only with `commands_per_second`. Default: thousands.
+    #[serde(deserialize_with = "some_count")]
+    pub queue: Option<usize>,
+    /// The robot answers a POWER without payload. Default: it does.
+    pub answers_power_query: bool,
     /// The robot sends POWER on every change, and at least this often. Default 5 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_period: Duration,
@@ -64,6 +79,9 @@ impl Default for Firmware {
             move_while_searching: FirmwareBehaviour::Ends,
             move_while_undocking: FirmwareBehaviour::Ends,
             activate_undocks: false,
+            commands_per_second: None,
+            queue: None,
+            answers_power_query: true,
             power_period: Duration::from_secs(5),
             power_after_login: Duration::ZERO,
             power_late: Duration::ZERO,
@@ -104,6 +122,20 @@ fn some_span<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Duration>, D::
     Ok(Option::<Seconds>::deserialize(from)?.map(|Seconds(time)| time))
 }
 
+/// A rate, or `null` for no limit.
+fn some_rate<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    #[derive(Deserialize)]
+    struct Rate(#[serde(deserialize_with = "number::commands_per_second")] f64);
+    Ok(Option::<Rate>::deserialize(from)?.map(|Rate(rate)| rate))
+}
+
+/// A number of commands, or `null` for no limit.
+fn some_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
+    #[derive(Deserialize)]
+    struct Count(#[serde(deserialize_with = "number::commands")] f64);
+    Ok(Option::<Count>::deserialize(from)?.map(|Count(count)| count as usize))
+}
+
 fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(time.as_secs_f64())
 }
@@ -125,13 +157,17 @@ mod tests {
             );
         }
         let text = "stops_on_disconnect: true\nstops_without_repeat: 0.5\nmove_while_searching: ignored\n\
-                    move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n";
+                    move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n\
+                    commands_per_second: 2.5\nqueue: 16\nanswers_power_query: false\n";
         let expected = Firmware {
             stops_on_disconnect: true,
             stops_without_repeat: Some(Duration::from_millis(500)),
             move_while_searching: FirmwareBehaviour::Ignored,
             move_while_undocking: FirmwareBehaviour::Obeyed,
             activate_undocks: true,
+            commands_per_second: Some(2.5),
+            queue: Some(16),
+            answers_power_query: false,
             power_late: Duration::from_secs(3),
             ..Firmware::default()
         };
@@ -154,6 +190,8 @@ mod tests {
                 "f.yaml:1:23: ",
                 "0 to 86400",
             ),
+            ("commands_per_second: 0\n", "f.yaml:1:22: ", "0.1 to 1000"),
+            ("queue: 0\n", "f.yaml:1:8: ", "1 to 4096"),
             (
                 "move_while_searching: obey\n",
                 "f.yaml:1:",

@@ -92,6 +92,8 @@ pub struct State {
     pub volume: u8,
     /// The streams that are on.
     pub streams: Streams,
+    /// Commands that were received and wait to be executed.
+    pub queued: usize,
     /// The connected user.
     pub user: Option<String>,
     /// Frames rendered so far.

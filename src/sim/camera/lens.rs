@@ -60,7 +60,7 @@ impl Lens {
             focal: undistorted_focal,
             sources: places
                 .iter()
-                .map(|place| Source::at(*place, undistorted_focal))
+                .map(|(right, down)| Source::at(*right, *down, undistorted_focal))
                 .collect(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
         }
@@ -94,7 +94,7 @@ impl Lens {
 }
 
 impl Source {
-    fn at((right, down): (f32, f32), focal: f32) -> Source {
+    fn at(right: f32, down: f32, focal: f32) -> Source {
         let x = (right * focal + WIDTH as f32 / 2.0 - 0.5).clamp(0.0, WIDTH as f32 - 1.01);
         let y = (down * focal + HEIGHT as f32 / 2.0 - 0.5).clamp(0.0, HEIGHT as f32 - 1.01);
         let share = |place: f32| (place.fract() * 256.0) as u16;

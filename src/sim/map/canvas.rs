@@ -162,8 +162,9 @@ impl MapCanvas {
             };
             for (row, line) in raster.rows().enumerate() {
                 for (column, shade) in line.iter().enumerate() {
-                    let place = (left + column as i32, y.round() as i32 + row as i32);
-                    self.blend(place, style.ink, *shade);
+                    let x = left + column as i32;
+                    let y = y.round() as i32 + row as i32;
+                    self.blend(x, y, style.ink, *shade);
                 }
             }
             left += raster.width() as i32;
@@ -244,7 +245,7 @@ impl MapCanvas {
         RgbImage::from_raw(width, height, bytes.collect()).unwrap_or_default()
     }
 
-    fn blend(&mut self, (x, y): (i32, i32), ink: Ink, shade: u8) {
+    fn blend(&mut self, x: i32, y: i32, ink: Ink, shade: u8) {
         let width = self.pixels.width() as i32;
         let height = self.pixels.height() as i32;
         if shade == 0 || !(0..width).contains(&x) || !(0..height).contains(&y) {

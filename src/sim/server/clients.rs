@@ -37,10 +37,14 @@ const EXTERNAL_USER: u64 = u64::MAX;
 pub(crate) type Admission = (u64, Arc<ReportQueue>, CancellationToken);
 
 impl Clients {
-    /// Registers a connection; `None` if there are too many.
-    pub(crate) fn admit(&mut self, now: Instant) -> Option<Admission> {
-        if self.all.len() >= MAX_CLIENTS {
-            return None;
+    /// Registers a connection. If there are too many, the oldest one without a login ends.
+    pub(crate) fn admit(&mut self, now: Instant) -> Admission {
+        let oldest = self.all.keys().find(|id| !self.is_user(**id)).copied();
+        if self.all.len() >= MAX_CLIENTS
+            && let Some(oldest) = oldest
+        {
+            tracing::warn!(target: "spykee::sim", client = oldest, "too many connections: the oldest without a login ends");
+            self.disconnect(oldest);
         }
         let client = Client {
             reports: Arc::new(ReportQueue::new()),
@@ -51,7 +55,7 @@ impl Clients {
         let admission = (id, client.reports.clone(), client.cut.clone());
         self.next += 1;
         self.all.insert(id, client);
-        Some(admission)
+        admission
     }
 
     /// Whether `id` is the user, who may command the robot.

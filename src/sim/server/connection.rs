@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
@@ -35,6 +35,8 @@ pub(crate) enum Event {
         /// AUTH_REPLY and the first POWER had been taken for sending when these bytes arrived.
         opened: bool,
         commands: Vec<Command>,
+        /// The place of these commands in a slow robot's queue.
+        place: Option<OwnedSemaphorePermit>,
     },
     Gone {
         client: u64,
@@ -48,8 +50,13 @@ pub(crate) struct Channels {
     pub(crate) muted: watch::Receiver<bool>,
     /// Counts the reads of all connections.
     pub(crate) writes: Arc<AtomicU64>,
+    /// The free places in the queue of a robot that executes commands slowly.
+    pub(crate) places: Option<Arc<Semaphore>>,
     pub(crate) cut: CancellationToken,
 }
+
+/// The server has ended.
+struct Ended;
 
 /// Serves a client until one side ends the connection.
 pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
@@ -87,13 +94,7 @@ async fn read(
         channels.unmuted().await;
         let write = channels.writes.fetch_add(1, Ordering::Relaxed);
         let (commands, end) = decode_all(&mut decoder, &buffer[..length]);
-        let event = Event::Commands {
-            client: channels.client,
-            write,
-            opened,
-            commands,
-        };
-        if channels.events.send(event).await.is_err() {
+        if channels.pass_on(write, opened, commands).await.is_err() {
             return Ok(());
         }
         end?;
@@ -141,6 +142,40 @@ async fn close_orderly(
 }
 
 impl Channels {
+    /// Passes the commands of one read to the server: all at once, or, to a robot that executes
+    /// them slowly, each as soon as its queue has a place. A login does not wait for a place.
+    async fn pass_on(&self, write: u64, opened: bool, commands: Vec<Command>) -> Result<(), Ended> {
+        let Some(places) = &self.places else {
+            return self.send(write, opened, commands, None).await;
+        };
+        for command in commands {
+            let place = if matches!(command, Command::Login(_)) {
+                None
+            } else {
+                Some(places.clone().acquire_owned().await.map_err(|_| Ended)?)
+            };
+            self.send(write, opened, vec![command], place).await?;
+        }
+        Ok(())
+    }
+
+    async fn send(
+        &self,
+        write: u64,
+        opened: bool,
+        commands: Vec<Command>,
+        place: Option<OwnedSemaphorePermit>,
+    ) -> Result<(), Ended> {
+        let event = Event::Commands {
+            client: self.client,
+            write,
+            opened,
+            commands,
+            place,
+        };
+        self.events.send(event).await.map_err(|_| Ended)
+    }
+
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();
         // The sender lives as long as the server, whose end also ends this task.

@@ -1,5 +1,5 @@
 //! The handle with which tests and the command line observe and change a running simulator, and the
-//! bounded journal of received commands.
+//! bounded journal of executed commands.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
+use super::command_queue::QueuedCommand;
 use super::connection::Transport;
 use crate::sim::body::Robot;
 use crate::sim::body::state::State;
@@ -93,18 +94,18 @@ impl Handle {
         std::future::pending().await
     }
 
-    /// Returns the commands that the robot has received, oldest first; of very many, only the
-    /// newest.
+    /// Returns the commands that the robot has executed, oldest first; of very many, only the
+    /// newest. Those of a client that may not command it are here too, although without effect.
     pub fn heard(&self) -> Vec<ReceivedCommand> {
         self.heard_since(0)
     }
 
-    /// Returns the received commands, starting with this index.
+    /// Returns the executed commands, starting with this index.
     pub fn heard_since(&self, index: usize) -> Vec<ReceivedCommand> {
         lock(&self.journal).since(index).cloned().collect()
     }
 
-    /// Returns the number of commands received so far, which is the index of the next one.
+    /// Returns the number of commands executed so far, which is the index of the next one.
     pub fn heard_count(&self) -> usize {
         lock(&self.journal).count()
     }
@@ -231,13 +232,16 @@ const MAX_ENTRIES: usize = 16_384;
 /// Maximum total of payload bytes; older entries are dropped.
 const MAX_BYTES: usize = 4 * 1024 * 1024;
 
-/// One command that reached the robot.
+/// One command that the robot received and executed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReceivedCommand {
     /// Index of the command since the start, from 0.
     pub index: usize,
-    /// Time since the start of the server.
+    /// Time since the start of the server at which it was executed.
     pub at: Duration,
+    /// Time since the start of the server at which it was received; earlier than `at` only on a
+    /// robot that executes commands slowly.
+    pub received: Duration,
     /// Index of the read, counted over all connections. Commands of one client write share it,
     /// unless the network split that write.
     pub write: u64,
@@ -256,11 +260,19 @@ pub(crate) struct Journal {
 
 impl Journal {
     /// Adds a command and assigns its index.
-    pub(crate) fn write(&mut self, at: Duration, write: u64, client: u64, command: Command) {
+    pub(crate) fn add(&mut self, at: Duration, queued: QueuedCommand) {
+        let QueuedCommand {
+            received,
+            write,
+            client,
+            command,
+            _place,
+        } = queued;
         self.bytes += weight(&command);
         self.entries.push_back(ReceivedCommand {
             index: self.next,
             at,
+            received,
             write,
             client,
             command,
@@ -303,11 +315,21 @@ mod tests {
     use super::*;
     use bytes::Bytes;
 
+    fn queued(command: Command) -> QueuedCommand {
+        QueuedCommand {
+            received: Duration::ZERO,
+            write: 0,
+            client: 0,
+            command,
+            _place: None,
+        }
+    }
+
     #[test]
     fn the_journal_drops_the_oldest_entries_and_keeps_counting() {
         let mut journal = Journal::default();
         for _ in 0..MAX_ENTRIES + 10 {
-            journal.write(Duration::ZERO, 0, 0, Command::None);
+            journal.add(Duration::ZERO, queued(Command::None));
         }
         assert_eq!(journal.count(), MAX_ENTRIES + 10);
         assert_eq!(journal.since(0).next().unwrap().index, 10);
@@ -320,7 +342,7 @@ mod tests {
         let mut journal = Journal::default();
         for _ in 0..1000 {
             let payload = Bytes::from(vec![0; 60_000]);
-            journal.write(Duration::ZERO, 0, 0, Command::Audio(payload));
+            journal.add(Duration::ZERO, queued(Command::Audio(payload)));
         }
         assert!(journal.bytes <= MAX_BYTES && journal.since(0).count() > 10);
     }

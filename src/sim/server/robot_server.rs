@@ -11,6 +11,7 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 
 use super::clients::Clients;
+use super::command_queue::{CommandQueue, QueuedCommand};
 use super::connection::{Channels, Event, Transport};
 use super::handle::{Ends, Request};
 use super::{Options, connection, handle};
@@ -36,6 +37,7 @@ const SLIDE: f64 = 0.12;
 pub(crate) struct RobotServer {
     robot: Robot,
     clients: Clients,
+    queue: CommandQueue,
     login: Login,
     uid: String,
     version: String,
@@ -67,6 +69,7 @@ impl RobotServer {
         RobotServer {
             robot,
             clients: Clients::default(),
+            queue: CommandQueue::new(&options.firmware, now),
             login: options.login.clone(),
             uid: options.uid.clone(),
             version: options.firmware.version.clone(),
@@ -161,30 +164,36 @@ impl RobotServer {
                 write,
                 opened,
                 commands,
+                mut place,
             } => {
                 for command in commands {
-                    self.receive(client, write, opened, command);
+                    let received = QueuedCommand {
+                        received: self.started.elapsed(),
+                        write,
+                        client,
+                        command,
+                        _place: place.take(),
+                    };
+                    self.receive(received, opened);
                 }
             }
         }
         self.publish();
     }
 
-    /// Serves a new connection, unless there are too many or the robot is rebooting.
+    /// Serves a new connection, unless the robot is rebooting.
     pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
         if self.rebooting {
             return;
         }
-        let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
-            tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
-            return;
-        };
+        let (client, reports, cut) = self.clients.admit(Instant::now());
         let channels = Channels {
             client,
             reports,
             events: self.events.clone(),
             muted: self.ends.muted.clone(),
             writes: self.writes.clone(),
+            places: self.queue.places(),
             cut,
         };
         let Some(scheduler) = &mut self.scheduler else {
@@ -220,6 +229,7 @@ impl RobotServer {
                     self.rebooting = begins;
                     self.disconnect_all();
                     if forgets && begins {
+                        self.queue.clear();
                         self.robot.reboot();
                     }
                 }
@@ -265,24 +275,65 @@ impl RobotServer {
         }
     }
 
-    /// Records a client's command, and executes it if the client may command the robot.
-    fn receive(&mut self, client: u64, write: u64, opened: bool, command: Command) {
+    /// Queues a command of the client that may command the robot; a login takes effect at once.
+    fn receive(&mut self, received: QueuedCommand, opened: bool) {
+        let client = received.client;
         if !self.clients.contains(client) {
             return;
         }
-        let at = self.started.elapsed();
-        handle::lock(&self.ends.journal).write(at, write, client, command.clone());
-        self.log_command(client, &command);
-        match command {
-            Command::Login(login) => self.log_in(client, &login),
+        match received.command.clone() {
+            Command::Login(login) => {
+                self.record(received);
+                self.log_in(client, &login);
+                self.deliver();
+            }
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
+                self.record(received);
                 tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
                 self.disconnect(client);
             }
-            _ if !self.clients.is_user(client) => {}
-            command => self.robot.execute(&command),
+            _ if !self.clients.is_user(client) => self.record(received),
+            _ => {
+                self.queue.push(received);
+                self.execute_due();
+            }
         }
-        self.deliver();
+    }
+
+    /// When the robot's program takes the next command from its queue; `None` if none waits.
+    pub(super) fn next_command(&self) -> Option<Instant> {
+        self.queue.due()
+    }
+
+    pub(super) fn handle_due(&mut self) {
+        self.execute_due();
+        self.publish();
+    }
+
+    /// Executes the commands that are due.
+    fn execute_due(&mut self) {
+        while let Some(queued) = self.queue.take(Instant::now()) {
+            let command = queued.command.clone();
+            let asks = matches!(
+                command,
+                Command::PowerQuery
+                    | Command::ConfigQuery
+                    | Command::LogQuery
+                    | Command::NetworksQuery
+            );
+            let answerable = self.clients.is_user(queued.client);
+            self.record(queued);
+            if answerable || !asks {
+                self.robot.execute(&command);
+            }
+            self.deliver();
+        }
+    }
+
+    /// Records a command as executed now.
+    fn record(&mut self, queued: QueuedCommand) {
+        self.log_command(queued.client, &queued.command);
+        handle::lock(&self.ends.journal).add(self.started.elapsed(), queued);
     }
 
     /// Logs a command, except a repeated MOVE.
@@ -351,6 +402,7 @@ impl RobotServer {
 
     fn publish(&mut self) {
         let mut state = self.robot.state();
+        state.queued = self.queue.len();
         state.user = self.clients.user().map(str::to_owned);
         state.dropped = self.clients.dropped();
         self.ends.state.send_replace(state);

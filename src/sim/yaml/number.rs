@@ -89,4 +89,6 @@ ranges! {
     span = 0.0..=86_400.0, "seconds";
     chance = 0.0..=1.0, "1 is always";
     bytes = 0.0..=65_535.0, "bytes";
+    commands = 1.0..=4096.0, "commands";
+    commands_per_second = 0.1..=1000.0, "commands a second";
 }

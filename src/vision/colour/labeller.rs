@@ -171,7 +171,8 @@ mod tests {
         ) {
             let mut image = Image { size: crate::vision::Size { width, height: 4 }, grey, ..Image::default() };
             for (index, plane) in image.planes.iter_mut().enumerate() {
-                plane.shape((136, 4), if index == 0 { (0, 0) } else { (across, down) });
+                let shift = |shift| if index == 0 { 0 } else { shift };
+                plane.shape(136, 4, shift(across), shift(down));
                 plane.samples.copy_from_slice(&noise[index * 544..][..544]);
                 if near_grey && index > 0 {
                     plane.samples.iter_mut().for_each(|value| *value = 116 + *value % 24);

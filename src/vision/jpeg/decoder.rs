@@ -139,9 +139,9 @@ impl Baseline {
         if self.scan.load(&jpeg[start..])? != 0xD9 {
             return Err(DecodeError::Unsupported);
         }
-        let (mcus, components) = self.shape(image, [0; 3])?;
+        let ((across, down), components) = self.shape(image, [0; 3])?;
         let interval = self.headers.restart_interval;
-        decode_scan(self.vectors, &self.scan, interval, mcus, components)
+        decode_scan(self.vectors, &self.scan, interval, across, down, components)
     }
 
     /// Decodes as much as possible of a frame that is still being received and whose markers before
@@ -235,11 +235,11 @@ impl Baseline {
         image.size = size;
         image.grey = self.headers.components.len() == 1;
         for (plane, component) in image.planes.iter_mut().zip(&self.headers.components) {
-            let shifts = (finest.h / component.h, finest.v / component.v);
-            let blocks = (across * component.h as usize, down * component.v as usize);
             plane.shape(
-                (blocks.0 * 8, blocks.1 * 8),
-                (shifts.0.ilog2(), shifts.1.ilog2()),
+                across * component.h as usize * 8,
+                down * component.v as usize * 8,
+                (finest.h / component.h).ilog2(),
+                (finest.v / component.v).ilog2(),
             );
         }
         Ok((

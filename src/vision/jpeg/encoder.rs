@@ -56,8 +56,8 @@ struct Coder {
 
 impl Encoder {
     /// `quality` is 1 to 100; width and height must be multiples of 16.
-    pub fn new(quality: u8, subsampling: Subsampling, (width, height): (u16, u16)) -> Encoder {
-        let head = head(quality, subsampling, (width, height)).unwrap_or_else(|error| {
+    pub fn new(quality: u8, subsampling: Subsampling, width: u16, height: u16) -> Encoder {
+        let head = head(quality, subsampling, width, height).unwrap_or_else(|error| {
             // Writing to memory with a valid size does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode frames");
             Vec::new()
@@ -310,7 +310,8 @@ fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
 fn head(
     quality: u8,
     subsampling: Subsampling,
-    (width, height): (u16, u16),
+    width: u16,
+    height: u16,
 ) -> Result<Vec<u8>, EncodingError> {
     let mut file = Vec::new();
     let mut encoder = jpeg_encoder::Encoder::new(&mut file, quality);
@@ -533,7 +534,7 @@ mod tests {
             .flat_map(|quality| ALL.map(|kind| (quality, kind)))
         {
             let frame = picture(u64::from(quality));
-            let file = Encoder::new(quality, subsampling, SIZE).encode(&frame);
+            let file = Encoder::new(quality, subsampling, SIZE.0, SIZE.1).encode(&frame);
             let other = of_the_crate(&frame, quality, subsampling);
             let own = error(&decoded(&file), &frame);
             let other_error = error(&decoded(&other), &frame);
@@ -551,7 +552,7 @@ mod tests {
 
     #[test]
     fn an_encoder_keeps_no_state_between_frames() {
-        let mut encoder = Encoder::new(75, Subsampling::Half, SIZE);
+        let mut encoder = Encoder::new(75, Subsampling::Half, SIZE.0, SIZE.1);
         let first = encoder.encode(&picture(1));
         assert_ne!(encoder.encode(&picture(2)), first);
         assert_eq!(encoder.encode(&picture(1)), first);
@@ -566,7 +567,7 @@ mod tests {
             let frame: Vec<Pixel> = (0..WIDTH * HEIGHT)
                 .map(|_| random.random::<Pixel>().map(|level| if extremes { level / 128 * 255 } else { level }))
                 .collect();
-            let file = Encoder::new(quality, ALL[kind], SIZE).encode(&frame);
+            let file = Encoder::new(quality, ALL[kind], SIZE.0, SIZE.1).encode(&frame);
             let image = decoded(&file);
             let other = decoded(&of_the_crate(&frame, quality, ALL[kind]));
             prop_assert!(error(&image, &frame) <= error(&other, &frame) * 1.05 + 0.1);

@@ -211,9 +211,6 @@ struct Walk {
 
 /// Checks that the data of each scan of a JPEG that is not single-scan baseline ends where it may. The
 /// `image` crate takes a marker inside the data as its end and returns half a picture without an error.
-///
-/// # Errors
-/// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.
 pub(crate) fn check_scans(jpeg: &[u8]) -> Result<(), FrameError> {
     let mut walk = Walk::default();
     let mut segments = Segments::new(jpeg);

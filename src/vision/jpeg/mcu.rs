@@ -34,7 +34,8 @@ pub(super) fn decode_scan(
     vectors: Vectors,
     scan: &Scan,
     restart_interval: usize,
-    (across, down): (usize, usize),
+    across: usize,
+    down: usize,
     mut components: [ComponentDecoder<'_>; 3],
 ) -> Result<(), DecodeError> {
     let mcus = across * down;
@@ -148,7 +149,8 @@ fn decode_blocks<M: Machine>(
     x: usize,
     y: usize,
 ) -> Option<()> {
-    let tables = (component.dc_table, component.ac_table);
+    let dc_table = component.dc_table;
+    let ac_table = component.ac_table;
     let quantiser = component.quantiser;
     let stride = component.plane.stride;
     for row in 0..component.v {
@@ -156,7 +158,7 @@ fn decode_blocks<M: Machine>(
             let at = (y * component.v + row) * 8 * stride + (x * component.h + column) * 8;
             let coefficients = component.queue.next();
             let predictor = &mut component.predictor;
-            if decode_block(bits, tables, quantiser, predictor, coefficients)? {
+            if decode_block(bits, dc_table, ac_table, quantiser, predictor, coefficients)? {
                 component.queue.put(machine, component.plane, at);
             } else {
                 idct::fill(
@@ -237,7 +239,8 @@ impl BlockQueue {
 #[inline(always)]
 pub(super) fn decode_block(
     bits: &mut Bits<'_>,
-    (dc_table, ac_table): (&Table, &AcTable),
+    dc_table: &Table,
+    ac_table: &AcTable,
     quantiser: &[i32; 64],
     predictor: &mut i32,
     Coefficients(coefficients): &mut Coefficients,
@@ -372,7 +375,7 @@ mod tests {
     let mut other_predictor = 0;
                 while bits.left() > 0 {
                     let mut found = Coefficients::ZERO;
-                    let any = decode_block(&mut bits, (&dc, &ac), &quantiser, &mut predictor, &mut found);
+                    let any = decode_block(&mut bits, &dc, &ac, &quantiser, &mut predictor, &mut found);
                     let expected = one_by_one(&mut other, (&dc, &ac), &quantiser, &mut other_predictor);
                     prop_assert_eq!(any.is_some(), expected.is_some());
                     let (Some(any), Some(expected)) = (any, expected) else { break };

@@ -36,11 +36,7 @@ pub async fn stops_one_that_drove_on(fault_run: FaultRun) {
     let gone = fault_run.rig.sim.heard_count();
     let stop = fault_run.rig.heard_stop(gone).await;
     assert!(fault_run.rig.sim.heard_since(stop)[0].client > before);
-    assert!(
-        !fault_run.rig.commands(gone)[..stop - gone]
-            .iter()
-            .any(moves)
-    );
+    assert!(!fault_run.rig.commands_between(gone, stop).iter().any(moves));
     fault_run.comes_back(before).await;
     fault_run.dropped_old_requests();
     fault_run.ends_well();

@@ -26,9 +26,9 @@ const SAYS: &[(&str, &str)] = &[
     ("spykee status", "cuckoo Mon 2026-05-04 22:00"),
     ("spykee behaviour list", "visitor"),
     ("spykee history runs", "my_patrol"),
-    ("spykee notify test", "phone: sent"),
-    ("spykee notify test --config", "family: sent"),
-    ("spykee notify test --config", "house: sent"),
+    ("spykee config test-notify", "phone: sent"),
+    ("spykee config test-notify --config", "family: sent"),
+    ("spykee config test-notify --config", "house: sent"),
     ("curl http://127.0.0.1:7788/healthz", "\"ready\":true"),
     ("curl http://127.0.0.1:7788/metrics", "spykee_link_up 1"),
     ("spykee robot battery", "%"),
@@ -197,7 +197,7 @@ impl Owner {
                 panic!("{command}: {said}");
             }
         }
-        if command.starts_with("spykee schedule") {
+        if command.starts_with("spykee config schedule") {
             assert_eq!(said.trim(), blocks(step(20), "text")[0].trim());
         }
     }

@@ -37,6 +37,9 @@ impl AsyncWrite for Narrow {
     }
 }
 
+const DOCK: Command = Command::Engine(Engage::Dock);
+const UNDOCK: Command = Command::Engine(Engage::Undock);
+
 /// A session that records its writes, over a transport with room for `room` more bytes.
 struct Watched {
     session: Session,
@@ -81,10 +84,10 @@ async fn several_commands_leave_in_one_write() {
     watched
         .session
         .writer
-        .write(&[Command::STOP, GO])
+        .write(&[Command::STOP, DOCK])
         .await
         .unwrap();
-    assert_eq!(watched.writes(), [[STOP, GO_BYTES].concat()]);
+    assert_eq!(watched.writes(), [[STOP, &DOCK.to_bytes()].concat()]);
 }
 
 #[tokio::test(start_paused = true)]
@@ -114,10 +117,10 @@ async fn writes_to_a_dead_link_do_not_accumulate() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_motions() {
-    for cut in 0..=14 {
+async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_commands() {
+    for cut in 0..=12 {
         let mut watched = Watched::with_room(cut).await;
-        let write = watched.session.writer.write(&[GO, GO, GO]);
+        let write = watched.session.writer.write(&[UNDOCK, UNDOCK, UNDOCK]);
         assert!(
             tokio::time::timeout(Duration::from_millis(1), write)
                 .await
@@ -125,7 +128,7 @@ async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_
         );
         watched.make_room();
         watched.session.writer.send_last_words();
-        let expected = [&GO_BYTES.repeat(cut.div_ceil(7))[..], STOP].concat();
+        let expected = [&UNDOCK.to_bytes().repeat(cut.div_ceil(6))[..], STOP].concat();
         assert_eq!(watched.writes().concat(), expected, "cut at {cut}");
     }
 }
@@ -133,7 +136,7 @@ async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_
 #[tokio::test(start_paused = true)]
 async fn a_write_after_a_partial_write_continues_where_it_ended() {
     let mut watched = Watched::with_room(9).await;
-    let write = watched.session.writer.write(&[GO, GO]);
+    let write = watched.session.writer.write(&[UNDOCK, UNDOCK]);
     assert!(
         tokio::time::timeout(Duration::from_millis(1), write)
             .await
@@ -148,14 +151,14 @@ async fn a_write_after_a_partial_write_continues_where_it_ended() {
         .unwrap();
     assert_eq!(
         watched.writes().concat(),
-        [GO_BYTES, GO_BYTES, STOP].concat()
+        [&UNDOCK.to_bytes(), &UNDOCK.to_bytes(), STOP].concat()
     );
 }
 
 /// Those who would have to complete the message must hear of it.
 #[tokio::test(start_paused = true)]
 async fn progress_returns_when_the_rest_of_a_cut_message_has_changed() {
-    let (ours, mut robot) = duplex(10);
+    let (ours, mut robot) = duplex(8);
     let login = admin();
     let options = Options::default();
     let answers = io::Cursor::new([ACCEPTED, POWER_80].concat());
@@ -166,15 +169,15 @@ async fn progress_returns_when_the_rest_of_a_cut_message_has_changed() {
     );
     let mut writer = session.unwrap().writer;
     let now = tokio::time::Instant::now();
-    writer.send(&[GO, GO], now).unwrap();
-    let mut bytes = [0; 7];
-    for (read, rest) in [(0, 4), (2, 2), (1, 1), (7, 0)] {
+    writer.send(&[UNDOCK, UNDOCK], now).unwrap();
+    let mut bytes = [0; 6];
+    for (read, rest) in [(0, 4), (2, 2), (1, 1), (6, 0)] {
         let (written, _) = tokio::join!(writer.progress(), robot.read_exact(&mut bytes[..read]));
         written.unwrap();
-        assert_eq!(writer.last_words().0, &GO_BYTES[7 - rest..]);
+        assert_eq!(writer.last_words().0, &UNDOCK.to_bytes()[6 - rest..]);
     }
-    robot.read_exact(&mut bytes[..4]).await.unwrap();
-    writer.send(&[GO], now).unwrap();
+    robot.read_exact(&mut bytes[..3]).await.unwrap();
+    writer.send(&[UNDOCK], now).unwrap();
     let whole = tokio::time::timeout(Duration::from_millis(1), writer.progress()).await;
     assert!(whole.is_err(), "no message is cut");
 }

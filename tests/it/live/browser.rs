@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use serde_json::Value;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
-use tokio::net::TcpStream;
+use tokio::net::{TcpSocket, TcpStream};
 use tokio::time::timeout;
 
 use crate::rig::{Run, WAIT_LIMIT};
@@ -20,6 +20,17 @@ pub async fn address(run: &Run) -> String {
 
 /// Status and body of a request; adds `Host` unless `headers` contains one.
 pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, String) {
+    ask_from("127.0.0.1", address, line, headers, body).await
+}
+
+/// The same for a request of another computer, whose address is in 127.0.0.0/8.
+pub async fn ask_from(
+    source: &str,
+    address: &str,
+    line: &str,
+    headers: &str,
+    body: &str,
+) -> (u16, String) {
     let host = match headers.to_ascii_lowercase().contains("host:") {
         true => String::new(),
         false => format!("Host: {address}\r\n"),
@@ -28,7 +39,10 @@ pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, 
         "{line} HTTP/1.1\r\n{host}{headers}Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
         body.len()
     );
-    let answer = send(address, request.as_bytes()).await;
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.bind(format!("{source}:0").parse().unwrap()).unwrap();
+    let stream = socket.connect(address.parse().unwrap()).await.unwrap();
+    let answer = send_on(stream, request.as_bytes()).await;
     let text = String::from_utf8_lossy(&answer).into_owned();
     let status = text
         .split(' ')
@@ -41,7 +55,10 @@ pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, 
 
 /// Sends some bytes and returns the complete answer.
 pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
-    let mut stream = TcpStream::connect(address).await.unwrap();
+    send_on(TcpStream::connect(address).await.unwrap(), bytes).await
+}
+
+async fn send_on(mut stream: TcpStream, bytes: &[u8]) -> Vec<u8> {
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
     let _ = timeout(WAIT_LIMIT, stream.read_to_end(&mut answer))

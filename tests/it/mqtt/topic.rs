@@ -67,14 +67,14 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     third.signal(Signal::TERM);
     assert_eq!(third.code().await, Some(130), "{}", third.text());
     assert_eq!(waiting(&rig), 0);
-    let mut test = rig.spykee(&["notify", "test", "words", "--config", "spykee.yaml"]);
+    let mut test = rig.spykee(&["config", "test-notify", "words", "--config", "spykee.yaml"]);
     assert_eq!(test.code().await, Some(0), "{}", test.text());
     subscriber
         .wait_for(from, "house/says", |payload| {
             String::from_utf8_lossy(payload).contains("a test of")
         })
         .await;
-    let mut found = rig.spykee(&["notify", "test", "words"]);
+    let mut found = rig.spykee(&["config", "test-notify", "words"]);
     assert_eq!(found.code().await, Some(2), "{}", found.text());
     let why = "uses a broker";
     assert_contains(&found.text(), &[why]);
@@ -140,6 +140,9 @@ async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
     assert_eq!(answered["done"], true, "{answered}");
     assert_eq!(state(&rig).await, "idle", "{}", run.text());
     for round in 0..ROUNDS {
+        let released = format!("reset {round}");
+        command(&subscriber, "reset_stop", &released).await;
+        answer(&subscriber, &released).await;
         let started = format!("run {round}");
         let stopped = format!("stop {round}");
         command(&subscriber, "run drive", &started).await;

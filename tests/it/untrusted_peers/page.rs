@@ -3,14 +3,21 @@
 use std::time::Duration;
 
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use spykee::sim::{Options, World};
 use spykee::wire::Command;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
-use tokio::time::timeout;
+use tokio::task::JoinSet;
+use tokio::time::{Instant, sleep, timeout};
+use tokio_util::task::AbortOnDropHandle;
 
 use super::{DRIVES, drove_on};
 use crate::live::browser::{self, Page, address, ask, get};
-use crate::rig::{Rig, Run, WAIT_LIMIT};
+use crate::live::{bearer, token, until_status};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
+
+/// How long a STOP may take until the robot hears it, whatever others do.
+const STOP_LIMIT: Duration = Duration::from_secs(2);
 
 /// Starts a run that drives; returns it with the address of its page.
 async fn driving(rig: &Rig) -> (Run, String) {
@@ -389,4 +396,145 @@ async fn with_a_thousand_connections_an_open_page_can_still_stop_the_robot() {
     assert_eq!(get(&at, "/healthz").await.0, 200);
     run.signal(rustix::process::Signal::TERM);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+/// Presses STOP through the API; the robot must hear it in time. Then lets it drive again.
+async fn stops_in_time(rig: &Rig, at: &str, headers: &str, what: &str) {
+    let from = rig.sim.heard_count();
+    let began = Instant::now();
+    let stopped = async {
+        let (status, body) = ask(at, "POST /api/stop", headers, "{}").await;
+        assert_eq!(status, 200, "{what}: {body}");
+        rig.heard_stop(from).await;
+    };
+    let stopped = timeout(WAIT_LIMIT, stopped).await;
+    let took = began.elapsed();
+    println!("{what}: STOP took {took:?}");
+    assert!(stopped.is_ok() && took < STOP_LIMIT, "{what}: {took:?}");
+    let from = rig.sim.heard_count();
+    assert_eq!(ask(at, "POST /api/reset-stop", headers, "{}").await.0, 200);
+    rig.heard_motion(from).await;
+}
+
+/// A client that opens connections, keeps them open, and sends a byte a second on each.
+fn dripping(at: &str, count: usize, said: &str) -> AbortOnDropHandle<()> {
+    let said = said.to_owned();
+    let at = at.to_owned();
+    AbortOnDropHandle::new(tokio::spawn(async move {
+        let mut held = stuck(&at, count, &said).await;
+        loop {
+            sleep(Duration::from_secs(1)).await;
+            for one in &mut held {
+                // Those that the server has closed are opened again.
+                if one.write_all(b"x").await.is_err() {
+                    *one = stuck(&at, 1, &said).await.remove(0);
+                }
+            }
+        }
+    }))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn with_hundreds_of_connections_of_one_computer_a_stop_takes_less_than_two_seconds() {
+    for with_token in [false, true] {
+        let rig = Rig::quiet().await;
+        let driver = match with_token {
+            true => bearer(&token(&rig, "pad", "driver").await),
+            false => String::new(),
+        };
+        rig.file("script.lua", "while true do robot.move(30, 30, 0.5) end");
+        let run = rig.spykee(&[
+            "run",
+            "script.lua",
+            "--robot",
+            &rig.address,
+            "--live=127.0.0.1:0",
+        ]);
+        let at = address(&run).await;
+        rig.heard_motion(0).await;
+        let slow_login = format!(
+            "POST /api/login HTTP/1.1\r\nHost: {at}\r\nContent-Type: application/json\r\n\
+             Content-Length: 8000\r\n\r\n{{"
+        );
+        let slow_stop =
+            format!("POST /api/stop HTTP/1.1\r\nHost: {at}\r\nContent-Length: 9\r\n\r\n");
+        for (count, said) in [
+            (97, ""),
+            (300, "GET / HTTP/1.1\r\nX: "),
+            (300, &*slow_login),
+            (300, &*slow_stop),
+        ] {
+            let crowd = dripping(&at, count, said);
+            sleep(Duration::from_millis(1500)).await;
+            let what = format!("{count} times {said:.25?}, token: {with_token}");
+            if !said.contains("stop") || with_token {
+                stops_in_time(&rig, &at, &driver, &what).await;
+            }
+            drop(crowd);
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_viewer_with_waiting_pictures_logins_and_pages_does_not_shut_out_the_driver() {
+    let options = Options {
+        fps: Some(0.1),
+        ..Options::default()
+    };
+    let world = World::from_yaml(QUIET_WORLD, "quiet.yaml").unwrap();
+    let rig = Rig::with(world, options).await;
+    let shown = token(&rig, "tv", "viewer").await;
+    let viewer = bearer(&shown);
+    let other = bearer(&token(&rig, "kitchen", "viewer").await);
+    let driver = bearer(&token(&rig, "pad", "driver").await);
+    rig.file("script.lua", "while true do robot.move(30, 30, 0.5) end");
+    let run = rig.spykee(&[
+        "run",
+        "script.lua",
+        "--robot",
+        &rig.address,
+        "--live=127.0.0.1:0",
+    ]);
+    let at = address(&run).await;
+    rig.heard_motion(0).await;
+
+    let mut waiting = JoinSet::new();
+    for _ in 0..110 {
+        let (at, viewer) = (at.clone(), viewer.clone());
+        waiting.spawn(async move { ask(&at, "GET /api/picture?seconds=600", &viewer, "").await });
+    }
+    sleep(Duration::from_millis(500)).await;
+    stops_in_time(&rig, &at, &driver, "110 waiting pictures").await;
+
+    let login = serde_json::json!({ "token": shown }).to_string();
+    for _ in 0..257 {
+        assert_eq!(ask(&at, "POST /api/login", "", &login).await.0, 200);
+    }
+    until_status(&at, &driver, 200).await;
+    stops_in_time(&rig, &at, &driver, "257 logins").await;
+
+    let mut pages = Vec::new();
+    for _ in 0..32 {
+        pages.push(Page::open(&at, &viewer).await.unwrap());
+    }
+    assert_eq!(Page::open(&at, &viewer).await.err(), Some(503));
+    assert!(Page::open(&at, &other).await.is_ok(), "another viewer");
+    let mut page = Page::open(&at, &driver).await.unwrap();
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
+    // However many more the viewer opens, the driver's page stays.
+    for _ in 0..32 {
+        let _ = Page::open(&at, &viewer).await;
+    }
+    let from = rig.sim.heard_count();
+    page.send_text("{\"type\":\"stop\"}").await;
+    page.until("state", |state| state["emergency_stop"] == true)
+        .await;
+    rig.heard_stop(from).await;
+    let from = rig.sim.heard_count();
+    page.send_text("{\"type\":\"reset_stop\"}").await;
+    rig.heard_motion(from).await;
+    stops_in_time(&rig, &at, &driver, "32 pages").await;
 }

@@ -136,7 +136,7 @@ async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
             "hook: {{ url: '{address}?{{token}}', token_file: token, timeout: 1, headers: {{ X-Token: '{{token}}' }} }}"
         );
         rig.file("hook.yaml", &config(&rig, &target, ""));
-        let mut test = rig.spykee(&["notify", "test", "--config", "hook.yaml"]);
+        let mut test = rig.spykee(&["config", "test-notify", "--config", "hook.yaml"]);
         let code = test.code().await;
         let text = test.text();
         assert_eq!(code, Some(4), "it {what}: {text}");
@@ -197,8 +197,8 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
     let nested = field.replace("8a7c", "8aspykee-5f1d8a7c40b2496e9d3e-form7c");
     for text in [&*field, &*nested] {
         let args = [
-            "notify",
-            "test",
+            "config",
+            "test-notify",
             "--config",
             "hook.yaml",
             "--text",

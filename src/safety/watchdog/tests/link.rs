@@ -518,7 +518,6 @@ fn without_a_guardian_nothing_drives_until_one_answers_again() {
     assert_eq!(rig.handle(Fact::Guarded(false)), [], "it is known");
     assert_eq!(events(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
     assert_eq!(dock_ended(&rig.dock(3)), Some((DockEnd::Safety, 0)));
-    assert_eq!(undock_ended(&rig.undock(4)), Some(DockEnd::Safety));
     assert_eq!(sent(&rig.pass(SECOND, true)), []);
     let acts = rig.handle(Fact::Guarded(true));
     assert_eq!(safety_actions(&acts), [SafetyAction::Release]);
@@ -537,6 +536,7 @@ fn without_a_guardian_a_docking_of_a_behaviour_and_an_undocking_end() {
     let acts = rig.handle(Fact::Guarded(false));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Safety));
     assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(undock_ended(&rig.undock(2)), Some(DockEnd::Safety));
 }
 
 #[test]

@@ -1,13 +1,14 @@
-//! `spykee learn`: learns a colour for the config from pictures of an object.
+//! `spykee colour learn`: learns a colour for the config from pictures of an object.
 
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::json;
 
-use super::argument::ArgumentError;
-use super::table::{Side, aligned};
-use super::{Console, Exit, Failure, picture, print};
+use super::picture;
+use crate::cli::argument::ArgumentError;
+use crate::cli::table::{Side, aligned};
+use crate::cli::{Console, Exit, Failure, print};
 use crate::vision::{
     self, Blob, BlobFinder, BlobOptions, Camera, Colour, Decoder, Image, LearnRefusal, Learned,
     Palette, Roi,
@@ -80,9 +81,6 @@ struct Count {
 }
 
 /// Learns the colour and prints it as YAML to paste into a config, or as JSON.
-///
-/// # Errors
-/// No usable picture; a part that is too grey or too mixed.
 pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut images = Vec::new();
@@ -129,7 +127,7 @@ fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
              and black objects use the built-in colours white and black, or lab ranges"
         }
         LearnRefusal::TooMixed => {
-            "spykee blobs PICTURE --colour NAME --roi X,Y,W,H --annotate OUT.png shows the contents \
+            "spykee colour find PICTURE --colour NAME --roi X,Y,W,H --annotate OUT.png shows the contents \
              of a part; with several pictures the object must be in the same part of all"
         }
     };

@@ -6,12 +6,11 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use image::{ImageFormat, RgbImage};
 
-use super::Failure;
+use crate::cli::Failure;
 
 const HELP: &str =
     "for one picture, --annotate names a file that ends in .png; for several, a folder";
 
-/// The output for marked pictures.
 #[derive(Debug)]
 pub(super) enum MarkedPictures {
     /// One picture, one file.
@@ -22,10 +21,6 @@ pub(super) enum MarkedPictures {
 
 impl MarkedPictures {
     /// Opens the output for marked copies of these pictures; creates the folder.
-    ///
-    /// # Errors
-    /// A file where a folder is needed, a file that does not end in .png or is one of the pictures,
-    /// a folder that cannot be created.
     pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
         let is_png = out
             .extension()
@@ -58,9 +53,6 @@ impl MarkedPictures {
     }
 
     /// Writes the marked copy of a picture.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub(super) fn save(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
         let path = match self {
             MarkedPictures::File(path) => path.clone(),

@@ -1,6 +1,13 @@
-//! Colours by name: those of the config and the nine built-in ones.
+//! `spykee colour`: finds and learns colours in pictures. Colours by name: those of the config and
+//! the nine built-in ones.
 
-use super::Failure;
+mod find;
+mod learn;
+mod marked_pictures;
+mod picture;
+
+use super::settings::SettingsArgs;
+use super::{Console, Exit, Failure};
 use crate::config::Config;
 use crate::script::suggestion;
 use crate::vision::{Colour, MAX_COLOURS};
@@ -8,11 +15,38 @@ use crate::vision::{Colour, MAX_COLOURS};
 /// Messages cut longer names to this many characters.
 const MAX_SHOWN: usize = 40;
 
+/// Find colours in pictures, as scripts do, or learn a new one
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct ColourArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum Action {
+    Find(find::FindArgs),
+    Learn(learn::LearnArgs),
+}
+
+impl ColourArgs {
+    pub(super) fn settings(&self) -> Option<&SettingsArgs> {
+        match &self.action {
+            Action::Find(args) => Some(&args.settings),
+            Action::Learn(_) => None,
+        }
+    }
+}
+
+/// Finds blobs, or learns a colour.
+pub(super) fn run(args: &ColourArgs, console: &Console) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::Find(args) => find::run(args, console),
+        Action::Learn(args) => learn::run(args, console),
+    }
+}
+
 /// The colours with these names, in the same order. The config's names override built-in ones.
-///
-/// # Errors
-/// An unknown name (the error suggests the nearest known one); too many names.
-pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
+fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(
             "{} colours; at most {MAX_COLOURS} can be distinguished at once",

@@ -1,4 +1,4 @@
-//! `spykee blobs` and `spykee learn` from the command line, on pictures from the simulator.
+//! `spykee colour find` and `spykee colour learn` from the command line, on pictures from the simulator.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -108,7 +108,7 @@ fn fixture(name: &str) -> PathBuf {
 #[test]
 fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
     let workspace = Workspace::new();
-    let table = workspace.done("blobs ahead.jpg back.jpg --colour red --colour blue");
+    let table = workspace.done("colour find ahead.jpg back.jpg --colour red --colour blue");
     let rows: Vec<Vec<&str>> = table
         .lines()
         .map(|row| row.split_whitespace().collect())
@@ -127,7 +127,7 @@ fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
 #[test]
 fn json_has_the_same_fields_and_values_as_scripts() {
     let workspace = Workspace::new();
-    let found = workspace.json("blobs ahead.jpg back.jpg --colour red,green --json");
+    let found = workspace.json("colour find ahead.jpg back.jpg --colour red,green --json");
     assert_eq!(found[0]["file"], "ahead.jpg");
     assert_eq!(
         found[0]["size"],
@@ -159,7 +159,7 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
     let workspace = Workspace::new();
     let count = |options: &str| {
         let found = workspace.json(&format!(
-            "blobs ahead.jpg --colour red,blue --json {options}"
+            "colour find ahead.jpg --colour red,blue --json {options}"
         ));
         found[0]["blobs"].as_array().unwrap().len()
     };
@@ -167,14 +167,15 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
     assert_eq!(count("--roi 160,0,160,240"), 1);
     assert_eq!(count("--min-pixels 3000"), 1);
     assert_eq!(count("--min-pixels 30000"), 0);
-    let error = workspace.refused("blobs ahead.jpg --colour red --roi 400,0,10,10");
+    let error = workspace.refused("colour find ahead.jpg --colour red --roi 400,0,10,10");
     assert_contains(&error, &["ahead.jpg", "320x240"]);
 }
 
 #[test]
 fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
     let workspace = Workspace::new();
-    let (code, table, note) = workspace.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
+    let (code, table, note) =
+        workspace.spykee("colour find ahead.jpg --colour red,blue --max-blobs 1");
     assert_eq!((code, table.lines().count()), (Some(0), 2), "{table}");
     assert_contains(&note, &["ahead.jpg", "--max-blobs"]);
 }
@@ -186,12 +187,12 @@ fn the_config_provides_colours_and_the_field_of_view() {
         "spykee.yaml",
         b"camera: { hfov: 2.0 }\ncolours: { ball: { h: [340, 15], s: [50, 100] } }\n",
     );
-    let wide = workspace.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    let wide = workspace.json("colour find ahead.jpg --colour ball --config spykee.yaml --json");
     // A spykee.yaml in the folder is used without being named.
-    let found = workspace.json("blobs ahead.jpg --colour ball --json");
+    let found = workspace.json("colour find ahead.jpg --colour ball --json");
     assert_eq!(wide, found);
     workspace.put("spykee.yaml", b"");
-    let usual = workspace.json("blobs ahead.jpg --colour red --json");
+    let usual = workspace.json("colour find ahead.jpg --colour red --json");
     let bearing = |found: &Value| found[0]["blobs"][0]["bearing"].as_f64().unwrap();
     assert_eq!(wide[0]["blobs"][0]["colour"], "ball");
     assert!(bearing(&wide) > 1.5 * bearing(&usual), "{wide} {usual}");
@@ -201,13 +202,13 @@ fn the_config_provides_colours_and_the_field_of_view() {
 fn an_unknown_colour_is_refused_with_the_nearest_and_all_known_ones() {
     let workspace = Workspace::new();
     workspace.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
-    let error = workspace.refused("blobs ahead.jpg --colour gren");
+    let error = workspace.refused("colour find ahead.jpg --colour gren");
     assert_contains(&error, &["'gren'", "'green'"]);
     assert!(
         Colour::NAMES.iter().all(|name| error.contains(name)),
         "{error}"
     );
-    let error = workspace.refused("blobs ahead.jpg --colour sok --config spykee.yaml");
+    let error = workspace.refused("colour find ahead.jpg --colour sok --config spykee.yaml");
     assert_contains(&error, &["did you mean 'sock'"]);
 }
 
@@ -218,7 +219,7 @@ fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed()
     workspace.put("half.jpg", &whole[..whole.len() / 2]);
     workspace.put("text.jpg", b"no picture");
     let (code, out, error) =
-        workspace.spykee("blobs half.jpg text.jpg none.jpg . ahead.jpg --colour red --json");
+        workspace.spykee("colour find half.jpg text.jpg none.jpg . ahead.jpg --colour red --json");
     assert_eq!(code, Some(2));
     let found: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(found.as_array().unwrap().len(), 1);
@@ -233,7 +234,7 @@ fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed()
         let said = |line: &str| line.contains(file) && line.contains(reason);
         assert!(error.lines().any(said), "{file}: {error}");
     }
-    let (_, out, _) = workspace.spykee("blobs text.jpg --colour red --json");
+    let (_, out, _) = workspace.spykee("colour find text.jpg --colour red --json");
     assert_eq!(out, "[]\n");
 }
 
@@ -247,11 +248,14 @@ fn every_kind_of_jpeg_is_read() {
         "ball-restart.jpg",
     ] {
         let path = fixture(kind);
-        let found = workspace.json(&format!("blobs {} --colour red --json", path.display()));
+        let found = workspace.json(&format!(
+            "colour find {} --colour red --json",
+            path.display()
+        ));
         assert_eq!(found[0]["blobs"][0]["colour"], "red", "{kind}");
     }
     let grey = fixture("ball-grey.jpg");
-    let table = workspace.done(&format!("blobs {} --colour red", grey.display()));
+    let table = workspace.done(&format!("colour find {} --colour red", grey.display()));
     assert_contains(&table, &["none"]);
 }
 
@@ -262,7 +266,7 @@ fn png(path: &Path) -> image::RgbImage {
 #[test]
 fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
     let workspace = Workspace::new();
-    let found = workspace.json("blobs ahead.jpg --colour red --json --annotate out.png");
+    let found = workspace.json("colour find ahead.jpg --colour red --json --annotate out.png");
     let blob = |field: &str| found[0]["blobs"][0][field].as_u64().unwrap() as u32;
     let marked = png(&workspace.path("out.png"));
     let plain = image::open(workspace.path("ahead.jpg")).unwrap().to_rgb8();
@@ -295,7 +299,7 @@ fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
 #[test]
 fn the_ignored_part_is_dark_in_the_marked_copy() {
     let workspace = Workspace::new();
-    let line = "blobs ahead.jpg --colour red --roi 0,0,160,240 --annotate";
+    let line = "colour find ahead.jpg --colour red --roi 0,0,160,240 --annotate";
     workspace.done(&format!("{line} part.png"));
     let light = |image: &image::RgbImage, x| u32::from(image.get_pixel(x, 60).0[1]);
     let part = png(&workspace.path("part.png"));
@@ -307,7 +311,8 @@ fn several_marked_copies_go_into_a_folder_and_a_single_output_file_is_refused() 
     let workspace = Workspace::new();
     std::fs::create_dir(workspace.path("other")).unwrap();
     workspace.put("other/ahead.jpg", &shot(0.0, 0.5));
-    workspace.done("blobs ahead.jpg back.jpg other/ahead.jpg --colour red --annotate marked/new");
+    workspace
+        .done("colour find ahead.jpg back.jpg other/ahead.jpg --colour red --annotate marked/new");
     let folder = std::fs::read_dir(workspace.path("marked/new")).unwrap();
     let mut names: Vec<_> = folder.map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
@@ -315,27 +320,29 @@ fn several_marked_copies_go_into_a_folder_and_a_single_output_file_is_refused() 
         names,
         ["ahead-2-blobs.png", "ahead-blobs.png", "back-blobs.png"]
     );
-    let error = workspace.refused("blobs ahead.jpg back.jpg --colour red --annotate out.png");
+    let error = workspace.refused("colour find ahead.jpg back.jpg --colour red --annotate out.png");
     assert_contains(&error, &["out.png", "folder"]);
-    let error = workspace.refused("blobs ahead.jpg --colour red --annotate ahead.jpg");
+    let error = workspace.refused("colour find ahead.jpg --colour red --annotate ahead.jpg");
     assert_contains(&error, &[".png"]);
     assert!(!workspace.path("out.png").exists());
-    let help = workspace.done("blobs --help");
+    let help = workspace.done("colour find --help");
     assert_contains(&help, &["for several pictures a folder"]);
 }
 
 #[test]
 fn a_learned_colour_pasted_into_a_config_finds_the_object() {
     let workspace = Workspace::new();
-    let yaml = workspace.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
+    let yaml = workspace.done(&format!(
+        "colour learn ahead.jpg --roi {IN_BALL} --name ball"
+    ));
     let config = Config::parse(&yaml, "learned").unwrap();
     assert!(config.colours.contains_key("ball"), "{yaml}");
     assert_contains(&yaml, &["very good", "ahead.jpg"]);
     workspace.put("spykee.yaml", yaml.as_bytes());
-    let found = workspace.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    let found = workspace.json("colour find ahead.jpg --colour ball --config spykee.yaml --json");
     let blobs = found[0]["blobs"].as_array().unwrap();
     assert_eq!(blobs.len(), 1, "{found}");
-    let usual = workspace.json("blobs ahead.jpg --colour red --json");
+    let usual = workspace.json("colour find ahead.jpg --colour red --json");
     for centre in ["cx", "cy"] {
         let [one, other] = [&blobs[0], &usual[0]["blobs"][0]].map(|b| b[centre].as_f64().unwrap());
         assert!((one - other).abs() < 2.0, "{one} {other}");
@@ -347,7 +354,7 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
     let workspace = Workspace::new();
     workspace.put("dim.jpg", &shot(0.0, 0.45));
     let learned = workspace.json(&format!(
-        "learn ahead.jpg dim.jpg --roi {IN_BALL} --name ball --json"
+        "colour learn ahead.jpg dim.jpg --roi {IN_BALL} --name ball --json"
     ));
     assert_eq!(learned["name"], "ball");
     let colour: Colour = serde_json::from_value(learned["colour"].clone()).unwrap();
@@ -387,11 +394,11 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
 #[test]
 fn grey_and_mixed_regions_are_refused_with_advice() {
     let workspace = Workspace::new();
-    let grey = workspace.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
+    let grey = workspace.refused(&format!("colour learn ahead.jpg --roi {ON_WALL}"));
     assert_contains(&grey, &["too grey", "  help: "]);
     // The red ball ahead and the green one behind are in the same region.
     workspace.put("left.jpg", &shot(BACK + 0.24, 0.9));
-    let mixed = "learn ahead.jpg left.jpg --roi 75,135,30,25";
+    let mixed = "colour learn ahead.jpg left.jpg --roi 75,135,30,25";
     let error = workspace.refused(mixed);
     assert_contains(&error, &["too mixed", "  help: "]);
     let (code, out, _) = workspace.spykee(&format!("{mixed} --json"));
@@ -405,7 +412,7 @@ fn grey_and_mixed_regions_are_refused_with_advice() {
 #[test]
 fn a_colour_that_some_picture_does_not_contain_is_rated_poor() {
     let workspace = Workspace::new();
-    let yaml = workspace.done(&format!("learn ahead.jpg back.jpg --roi {IN_BALL}"));
+    let yaml = workspace.done(&format!("colour learn ahead.jpg back.jpg --roi {IN_BALL}"));
     let verdict = yaml.lines().find(|line| line.contains("Quality")).unwrap();
     assert!(verdict.contains("poor: not every picture"), "{yaml}");
 }
@@ -415,14 +422,14 @@ fn learning_continues_without_unusable_pictures() {
     let workspace = Workspace::new();
     workspace.put("text.jpg", b"no picture");
     let (code, yaml, error) =
-        workspace.spykee(&format!("learn text.jpg ahead.jpg --roi {IN_BALL}"));
+        workspace.spykee(&format!("colour learn text.jpg ahead.jpg --roi {IN_BALL}"));
     assert_eq!(code, Some(2));
     assert!(
         Config::parse(&yaml, "learned").is_ok() && yaml.contains("thing:"),
         "{yaml}"
     );
     assert_contains(&error, &["text.jpg", "not a JPEG"]);
-    let error = workspace.refused("learn ahead.jpg --roi 320,0,10,10");
+    let error = workspace.refused("colour learn ahead.jpg --roi 320,0,10,10");
     assert_contains(&error, &["outside ahead.jpg"]);
 }
 
@@ -430,15 +437,15 @@ fn learning_continues_without_unusable_pictures() {
 fn missing_or_wrong_arguments_end_with_2() {
     let workspace = Workspace::new();
     for line in [
-        "blobs --colour red",
-        "blobs ahead.jpg",
-        "blobs ahead.jpg --colour red --roi 1,2,3",
-        "blobs ahead.jpg --colour red --min-pixels -1",
-        "learn ahead.jpg",
-        "learn --roi 1,2,3,4",
-        "learn ahead.jpg --roi 1,2,0,4",
-        "learn ahead.jpg --roi 1,2,3,4 --name a:b",
-        "blobs ahead.jpg --colour red --config none.yaml",
+        "colour find --colour red",
+        "colour find ahead.jpg",
+        "colour find ahead.jpg --colour red --roi 1,2,3",
+        "colour find ahead.jpg --colour red --min-pixels -1",
+        "colour learn ahead.jpg",
+        "colour learn --roi 1,2,3,4",
+        "colour learn ahead.jpg --roi 1,2,0,4",
+        "colour learn ahead.jpg --roi 1,2,3,4 --name a:b",
+        "colour find ahead.jpg --colour red --config none.yaml",
     ] {
         let error = workspace.refused(line);
         assert!(!error.contains("internal error"), "{line}: {error}");

@@ -1,4 +1,4 @@
-//! `spykee blobs`: runs a script's `find_blobs` on pictures.
+//! `spykee colour find`: runs a script's `find_blobs` on pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -6,9 +6,10 @@ use image::RgbImage;
 use serde_json::json;
 
 use super::marked_pictures::MarkedPictures;
-use super::settings::SettingsArgs;
-use super::table::{Side, aligned};
-use super::{Console, Exit, Failure, argument, colours, picture, print};
+use super::{of_names, picture};
+use crate::cli::settings::SettingsArgs;
+use crate::cli::table::{Side, aligned};
+use crate::cli::{Console, Exit, Failure, argument, print};
 use crate::vision::{
     Annotation, Blob, BlobOptions, Colour, FrameAnalyser, Image, Roi, Size, annotate_enlarged,
 };
@@ -41,7 +42,7 @@ const HEAD: [(&str, Side); 13] = [
 /// positive) and whether it touches the edge of the picture. --json prints every field that scripts
 /// see.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct BlobsArgs {
+pub(super) struct FindArgs {
     /// JPEG pictures, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
@@ -92,7 +93,7 @@ struct Found {
 
 /// The search, the same for all pictures.
 struct Search<'a> {
-    args: &'a BlobsArgs,
+    args: &'a FindArgs,
     colours: Vec<Colour>,
     options: BlobOptions,
     analyser: FrameAnalyser,
@@ -101,10 +102,7 @@ struct Search<'a> {
 
 /// Searches each picture and prints the blobs found. Reports an unusable picture on stderr and
 /// continues with the others.
-///
-/// # Errors
-/// Colours, config or `--annotate` that cannot be used.
-pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> {
+pub(super) fn run(args: &FindArgs, console: &Console) -> Result<Exit, Failure> {
     let mut search = Search::new(args)?;
     let mut exit = Exit::Done;
     let mut found = Vec::new();
@@ -140,9 +138,9 @@ fn limit_note(found: &Found) -> String {
 }
 
 impl<'a> Search<'a> {
-    fn new(args: &'a BlobsArgs) -> Result<Search<'a>, Failure> {
+    fn new(args: &'a FindArgs) -> Result<Search<'a>, Failure> {
         let config = args.settings.config()?;
-        let colours = colours::of_names(&args.colours, config)?;
+        let colours = of_names(&args.colours, config)?;
         let marked = args.annotate.as_deref();
         let marked = marked.map(|out| MarkedPictures::open(out, &args.images));
         Ok(Search {
@@ -188,7 +186,7 @@ impl<'a> Search<'a> {
 
 /// A copy for people: enlarged, the part outside the searched region dimmed, and a box with number
 /// and name around each blob.
-fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
+fn marked(image: &Image, blobs: &[Blob], args: &FindArgs) -> RgbImage {
     let texts: Vec<String> = (1..)
         .zip(blobs)
         .map(|(number, blob)| format!("{number} {}", args.colours[blob.colour]))

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::Failure;
-use super::argument::ArgumentError;
+use crate::cli::Failure;
+use crate::cli::argument::ArgumentError;
 use crate::files;
 use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
 
@@ -13,9 +13,6 @@ const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x24
 
 /// Reads a file, at most one byte more than the maximum length of a JPEG, so that a longer one can
 /// be reported as too long.
-///
-/// # Errors
-/// The file cannot be read; the error names it and the system's reason.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read_beginning(path, MAX_JPEG_LEN as u64 + 1).map_err(|error| {
         Failure::usage(format_args!(
@@ -36,9 +33,6 @@ pub(super) fn unusable(path: &Path, error: &FrameError) -> Failure {
 }
 
 /// The part of a picture to search.
-///
-/// # Errors
-/// A part that is outside the picture.
 pub(super) fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
     roi.within(size).ok_or_else(|| {
         let Roi { x, y, w, h } = roi;
@@ -52,9 +46,6 @@ pub(super) fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
 }
 
 /// Parses `x,y,w,h`, as for `--roi`.
-///
-/// # Errors
-/// Invalid text; the error names the expected form.
 pub(super) fn parse_roi(text: &str) -> Result<Roi, ArgumentError> {
     let numbers: Option<Vec<u32>> = text
         .split(',')
