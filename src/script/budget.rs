@@ -360,7 +360,7 @@ impl Watcher {
         loop {
             let due = Instant::now() + pause;
             std::thread::park_timeout(pause);
-            self.note_stall(due.elapsed());
+            self.note_stall(due.elapsed(), pause);
             let now = self.nanoseconds(Instant::now());
             let slots = self.slots().all.clone();
             for slot in &slots {
@@ -394,10 +394,11 @@ impl Watcher {
         }
     }
 
-    fn note_stall(&self, late: Duration) {
+    /// A stall may have begun at any time of the pause: all of it counts as stalled.
+    fn note_stall(&self, late: Duration, pause: Duration) {
         if late > STALL {
-            let late = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
-            self.stalled.fetch_add(late, Ordering::Relaxed);
+            let stalled = u64::try_from((late + pause).as_nanos()).unwrap_or(u64::MAX);
+            self.stalled.fetch_add(stalled, Ordering::Relaxed);
         }
     }
 
@@ -461,10 +462,11 @@ mod tests {
     #[test]
     fn only_a_watcher_that_is_very_late_has_stalled() {
         let watcher = Watcher::new();
-        watcher.note_stall(STALL);
+        watcher.note_stall(STALL, CHECK_INTERVAL);
         assert_eq!(watcher.stalled(), 0);
-        watcher.note_stall(2 * STALL);
-        assert_eq!(u128::from(watcher.stalled()), (2 * STALL).as_nanos());
+        watcher.note_stall(2 * STALL, CHECK_INTERVAL);
+        let stalled = 2 * STALL + CHECK_INTERVAL;
+        assert_eq!(u128::from(watcher.stalled()), stalled.as_nanos());
     }
 
     #[test]

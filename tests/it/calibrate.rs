@@ -25,12 +25,14 @@ async fn calibration_finds_the_true_values_within_3_percent() {
         .into();
     for run in &mut runs {
         let code = run.code().await;
-        if code != Some(0) && run.has_stalled().await {
-            // It says so itself, and nothing can be measured on such a machine.
-            assert_contains(&run.text(), &["is this computer overloaded?"]);
+        let text = run.text();
+        if text.contains("the machine stalled") {
+            // Nothing can be measured on such a machine; it may say so itself.
+            let overloaded = text.contains("is this computer overloaded?");
+            assert!(code == Some(0) || overloaded, "{text}");
             continue;
         }
-        assert_eq!(code, Some(0), "{}", run.text());
+        assert_eq!(code, Some(0), "{text}");
         let width = number(&run.text(), "track_width");
         let speed = number(&run.text(), "full_speed");
         assert!((width / TRACK_WIDTH - 1.0).abs() < 0.03, "{width}");
@@ -122,6 +124,7 @@ async fn a_person_is_guided_and_gets_the_line_for_the_config() {
             terminal.types("");
             let measured = measured(&rig).await;
             terminal.shows(question).await;
+            rig.stands_still().await;
             if !std::mem::take(&mut repeats) && watch.stalled().is_zero() {
                 break measured;
             }

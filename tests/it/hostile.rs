@@ -95,10 +95,13 @@ impl Attack {
         self.expected.split([' ', ':']).next() == Some(ending)
     }
 
-    /// On a slow machine, the time limit may end a script before any other limit does.
-    fn may_end(&self, reason: &str) -> bool {
-        let slow = !times_count() && (reason == "cpu" || reason == self.expected_when_slow);
-        slow || self.expected.split(' ').any(|expected| expected == reason)
+    /// On a slow machine, the time limit may end a script before any other limit does. A stall of the
+    /// machine may change the order of things.
+    fn may_end(&self, reason: &str, stalled: bool) -> bool {
+        let slow = !times_count();
+        let otherwise = (slow || stalled) && reason == self.expected_when_slow;
+        let over_time = slow && reason == "cpu";
+        otherwise || over_time || self.expected.split(' ').any(|expected| expected == reason)
     }
 
     /// The script, preceded by code that waits for its turn.
@@ -192,10 +195,25 @@ impl Round {
             .rig
             .heard(from, |command| *command == Command::Volume(turn))
             .await;
-        let stop = self.rig.heard_stop(mark).await;
-        let took = self.rig.at(stop).0.saturating_sub(self.rig.at(mark).0);
-        let took = took.saturating_sub(watch.stalled());
         let (reason, message) = self.ending(name).await;
+        self.rig.stands_still().await;
+        let stalled = watch.stalled();
+        // A host may be so slow, or the machine stall, that its motion is stopped for silence before
+        // it attacks, and even before the mark; it then drives on.
+        let stopped_before = !times_count() || !stalled.is_zero();
+        let heard = self.rig.sim.heard_since(from);
+        let last_motion = heard.iter().rposition(|heard| moves(&heard.command));
+        let drove_until = match stopped_before {
+            true => last_motion.unwrap_or(0),
+            false => mark - from,
+        };
+        let stop = heard[drove_until..]
+            .iter()
+            .find(|heard| heard.command == Command::STOP);
+        let took = stop.map_or(Duration::MAX, |stop| {
+            stop.at.saturating_sub(self.rig.at(mark).0)
+        });
+        let took = took.saturating_sub(stalled);
         eprintln!(
             "{name}: {reason}, tracks stopped after {} ms: {message}",
             took.as_millis()
@@ -203,21 +221,20 @@ impl Round {
         self.promise(took <= at_most(STOPPED_WITHIN), || {
             format!("{name}: drove for {took:?}")
         });
-        self.promise(attack.may_end(&reason), || {
+        self.promise(attack.may_end(&reason, !stalled.is_zero()), || {
             format!("{name}: ended with {reason}: {message}")
         });
         self.promise(!message.is_empty(), || format!("{name}: no message"));
         self.reasons.insert(reason);
         let gone = gone(host).await;
         self.promise(gone, || format!("{name}: its host is still running"));
-        // A host may be so slow, or the machine stall, that its motion is stopped for silence before
-        // it attacks; it then drives on.
-        let commands = self.rig.commands(stop);
-        let drives_on = match times_count() && watch.stalled().is_zero() {
-            true => commands.iter().any(moves),
+        let commands = self.rig.commands(mark);
+        let is_motion = |command: &&Command| matches!(command, Command::Move { .. });
+        let drives_on = match stopped_before {
+            true => commands.iter().rfind(is_motion).is_some_and(moves),
             false => {
-                let is_motion = |command: &&Command| matches!(command, Command::Move { .. });
-                commands.iter().rfind(is_motion).is_some_and(moves)
+                let mut after = commands.iter().skip_while(|one| **one != Command::STOP);
+                after.any(moves)
             }
         };
         self.promise(!drives_on, || format!("{name}: drove on after the stop"));
