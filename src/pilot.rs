@@ -36,7 +36,7 @@ use crate::robot::{
     RobotInfo, StopConfirmation, Streams,
 };
 use crate::safety::{Fact, LastWords, Limits, Watchdog};
-use crate::wire::{Accepted, EngineReport, Report};
+use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
 use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
@@ -249,7 +249,8 @@ impl Pilot {
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
-            if let Err(lost) = served.and_then(|()| self.apply_restrictions()) {
+            let served = served.and_then(|()| self.apply_restrictions());
+            if let Err(lost) = served.and_then(|()| self.check_execution()) {
                 self.handle_link_lost(&lost, &mut connection);
             }
             self.tell_motion();
@@ -328,7 +329,6 @@ impl Pilot {
         let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;
-        self.check_execution()?;
         self.check_silence()
     }
 
@@ -351,13 +351,16 @@ impl Pilot {
         };
         let executes = writer.executes(now);
         let answered = Answered {
+            moving: self.watchdog.is_robot_moving(),
             executes,
             executed: writer.is_executed(),
-            acknowledged: writer.is_acknowledged(),
+            // Costs a system call.
+            acknowledged: executes == Executes::NoAnswer && writer.is_acknowledged(),
         };
         let overdue = writer.overdue_since();
         match self.debt.poll(answered, now) {
             Some(DebtAction::Ask) => writer.ask(now)?,
+            Some(DebtAction::Stop) => self.send(&[Command::STOP])?,
             Some(DebtAction::Paid(how)) => {
                 debug!("the stop: {how:?}");
                 self.tell_guardian_of_debt();

@@ -13,6 +13,8 @@ use crate::wire::{Command, Engage};
 /// How long the robot stands before it is asked whether it has executed the stop: a behaviour that
 /// stops often may drive on at once.
 const ASK_AFTER: Duration = Duration::from_millis(100);
+/// How long a robot stands by itself before it is sent a stop.
+const STOP_AFTER: Duration = Duration::from_secs(1);
 /// A stop that is not confirmed for this long counts as not confirmed, until it is.
 const NOT_CONFIRMED_AFTER: Duration = Duration::from_secs(2);
 /// How long the program of a robot that answers no question may take for what its system has
@@ -42,8 +44,8 @@ fn effect(command: &Command) -> Option<Effect> {
 enum Stage {
     /// Nothing may move.
     Paid,
-    /// The robot may be moving, and no stop was sent since.
-    Moving,
+    /// The robot may be moving, and no stop was sent since; since when it is believed to stand.
+    Moving { still_since: Option<Instant> },
     /// A stop was sent.
     Stopped { at: Instant, ask_at: Instant },
     /// The robot was asked whether it has executed the stop.
@@ -72,13 +74,17 @@ impl Default for Debt {
 pub(super) enum DebtAction {
     /// Ask the robot's program whether it has executed the stop.
     Ask,
+    /// Send a stop: the robot stands by itself, as after it has left its station.
+    Stop,
     /// A stop was executed, or acknowledged by a robot that does not say more.
     Paid(StopConfirmation),
 }
 
-/// What the link knows of the last question.
+/// What the watchdog believes of the robot, and the link knows of the last question.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Answered {
+    /// The robot moves.
+    pub(super) moving: bool,
     pub(super) executes: Executes,
     /// Its answer has come.
     pub(super) executed: bool,
@@ -96,7 +102,7 @@ impl Debt {
     pub(super) fn handle(&mut self, commands: &[Command], now: Instant) {
         match commands.iter().filter_map(effect).next_back() {
             Some(Effect::Motion) => {
-                self.stage = Stage::Moving;
+                self.stage = Stage::Moving { still_since: None };
                 self.paid = StopConfirmation::None;
             }
             Some(Effect::Stop) => self.stopped(now, ASK_AFTER),
@@ -113,7 +119,7 @@ impl Debt {
         let ask_at = now + ask_after;
         self.stage = match self.stage {
             Stage::Paid if !ask_after.is_zero() => return,
-            Stage::Paid | Stage::Moving => Stage::Stopped { at: now, ask_at },
+            Stage::Paid | Stage::Moving { .. } => Stage::Stopped { at: now, ask_at },
             Stage::Stopped { at, ask_at: due } => Stage::Stopped {
                 at,
                 ask_at: due.min(ask_at),
@@ -134,13 +140,24 @@ impl Debt {
     /// Handles a lost link: what was on its way may be lost, so the next login's stop counts.
     pub(super) fn link_lost(&mut self) {
         if self.is_owed() {
-            self.stage = Stage::Moving;
+            self.stage = Stage::Moving { still_since: None };
         }
     }
 
     /// Advances the time; the link is up.
     pub(super) fn poll(&mut self, answered: Answered, now: Instant) -> Option<DebtAction> {
         match self.stage {
+            Stage::Moving { still_since } if !answered.moving => {
+                let since = still_since.unwrap_or(now);
+                self.stage = Stage::Moving {
+                    still_since: Some(since),
+                };
+                (now >= since + STOP_AFTER).then_some(DebtAction::Stop)
+            }
+            Stage::Moving { .. } => {
+                self.stage = Stage::Moving { still_since: None };
+                None
+            }
             Stage::Stopped { at, ask_at } if ask_at <= now => {
                 self.stage = Stage::Asked {
                     stopped: at,
@@ -180,7 +197,8 @@ impl Debt {
                 Some((at + UNSEEN_EXECUTION).max(now + RECHECK))
             }
             Stage::Asked { at, .. } => Some((at + NOT_CONFIRMED_AFTER).max(now + RECHECK)),
-            Stage::Paid | Stage::Moving => None,
+            Stage::Moving { still_since } => Some(still_since? + STOP_AFTER),
+            Stage::Paid => None,
         }
     }
 
@@ -189,13 +207,13 @@ impl Debt {
         let late = |since: Instant| now >= since + NOT_CONFIRMED_AFTER;
         match self.stage {
             Stage::Paid => self.paid,
-            Stage::Moving if online => StopConfirmation::None,
+            Stage::Moving { .. } if online => StopConfirmation::None,
             Stage::Stopped { at: since, .. } | Stage::Asked { stopped: since, .. }
                 if online && !late(since) =>
             {
                 StopConfirmation::Sending
             }
-            Stage::Moving | Stage::Stopped { .. } | Stage::Asked { .. } => {
+            Stage::Moving { .. } | Stage::Stopped { .. } | Stage::Asked { .. } => {
                 StopConfirmation::NotConfirmed
             }
         }
@@ -214,6 +232,7 @@ mod tests {
 
     fn answered(executes: Executes, executed: bool) -> Answered {
         Answered {
+            moving: true,
             executes,
             executed,
             acknowledged: true,
@@ -271,6 +290,25 @@ mod tests {
         let due = debt.next_deadline(Executes::NoAnswer, now).unwrap();
         let paid = Some(DebtAction::Paid(StopConfirmation::Acknowledged));
         assert_eq!(debt.poll(silent, due), paid);
+    }
+
+    #[test]
+    fn a_robot_that_stands_by_itself_is_sent_a_stop_after_a_while() {
+        let mut debt = Debt::default();
+        let now = Instant::now();
+        debt.handle(&[Command::Engine(Engage::Undock)], now);
+        let leaves = answered(EXECUTES, false);
+        assert_eq!(debt.poll(leaves, now), None);
+        let stands = Answered {
+            moving: false,
+            ..leaves
+        };
+        assert_eq!(debt.poll(stands, now), None);
+        let due = debt.next_deadline(EXECUTES, now).unwrap();
+        assert_eq!(due, now + STOP_AFTER);
+        assert_eq!(debt.poll(stands, due), Some(DebtAction::Stop));
+        debt.handle(&[Command::STOP], due);
+        assert_eq!(debt.poll(stands, due + ASK_AFTER), Some(DebtAction::Ask));
     }
 
     #[test]

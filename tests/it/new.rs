@@ -26,7 +26,7 @@ async fn every_template_runs_and_passes_the_check() {
         assert_eq!(run.code().await, Some(0), "{}", run.text());
         let config = rig.folder().join(template).join("spykee.yaml");
         let config = config.to_str().unwrap();
-        let heard = rig.commands(0).len();
+        let heard = rig.sim.heard_count();
         let mut run = rig.spykee(&[
             "run",
             "--config",

@@ -79,6 +79,15 @@ impl Robot {
         while let Some(packet) = self.decoder.decode(&mut bytes).unwrap() {
             commands.push(Command::parse(packet));
         }
+        // As a fast robot: otherwise little is sent to it.
+        for _ in commands.iter().filter(|one| **one == Command::PowerQuery) {
+            let charging = false;
+            let power = Report::Power(Power {
+                percent: 90,
+                charging,
+            });
+            let _ = self.stream.write_all(&power.to_bytes());
+        }
         (count > 0).then_some(commands)
     }
 

@@ -64,7 +64,7 @@ async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
         .matches("not done: `patrol` runs already")
         .count();
     assert_eq!(refused, 3, "{}", again.text());
-    let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
+    let places: Vec<usize> = rigs.iter().map(|rig| rig.sim.heard_count()).collect();
     let mut stop = fleet(&["stop", "all"]);
     assert_eq!(stop.code().await, Some(0), "{}", stop.text());
     assert_eq!(stop.text().matches(": done").count(), 3, "{}", stop.text());
@@ -110,7 +110,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
             .wait_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
     }
-    let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
+    let places: Vec<usize> = rigs.iter().map(|rig| rig.sim.heard_count()).collect();
     let gone = async |name: &str, since: Instant| {
         let topic = format!("spykee/{name}/connection");
         subscriber

@@ -104,7 +104,12 @@ impl HostileBroker {
             let received = timeout(WAIT_LIMIT, next(&mut self.stream))
                 .await
                 .expect("the agent sends nothing");
-            let (head, body) = received.expect("the agent has disconnected");
+            let Some((head, body)) = received else {
+                // The agent may be so slow that it gives up a connection and makes another.
+                self.stream = accept(&self.listener).await;
+                subscriptions = 0;
+                continue;
+            };
             match head >> 4 {
                 1 => self.send(&[0x20, 2, 0, 0]).await,
                 8 => {
