@@ -74,13 +74,16 @@ async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again(
     kept(&rig, true).await;
     // The journal is written within a second.
     let history = ["history", "alarms", "--config", "spykee.yaml"];
-    while !run_spykee(&rig, &history)
-        .await
-        .1
-        .contains("stopped the robot")
-    {
-        sleep(Duration::from_millis(50)).await;
-    }
+    let recorded = async {
+        while !run_spykee(&rig, &history)
+            .await
+            .1
+            .contains("stopped the robot")
+        {
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, recorded).await.expect("not recorded");
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
