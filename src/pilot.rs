@@ -458,6 +458,7 @@ impl Pilot {
             emergency_stop: self.emergency_stop.is_on(),
             stop: self.stop_confirmation(),
             owes_stop: self.owes_stop(),
+            delays: self.writer.as_mut().and_then(Writer::delays),
             actuators: self.actuators,
             frames: self.status.borrow().frames,
         };

@@ -8,8 +8,10 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::registry::{Metric, Registry, Unit};
 
 use std::sync::atomic::AtomicU64;
+use std::time::Duration;
 
 use crate::control::Run;
+use crate::link::Delays;
 use crate::pilot::{LinkState, Reactions, Tally};
 use crate::robot::AgentEvent;
 
@@ -51,6 +53,8 @@ pub(super) struct Metrics {
     registry: Registry,
     percent: Gauge<f64, AtomicU64>,
     left: Gauge<f64, AtomicU64>,
+    robot_delay: Gauge<f64, AtomicU64>,
+    network_delay: Gauge<f64, AtomicU64>,
     charging: Gauge,
     low: Gauge,
     docked: Gauge,
@@ -79,6 +83,20 @@ impl Metrics {
         let one = &mut registry;
         let bytes = Counter::default();
         let left = Gauge::<f64, AtomicU64>::default();
+        let robot_delay = Gauge::<f64, AtomicU64>::default();
+        one.register_with_unit(
+            "robot_delay",
+            "From the arrival of a command at the robot to its execution; NaN: unknown",
+            Unit::Seconds,
+            robot_delay.clone(),
+        );
+        let network_delay = Gauge::<f64, AtomicU64>::default();
+        one.register_with_unit(
+            "network_delay",
+            "Through the network to the robot and back; NaN: unknown",
+            Unit::Seconds,
+            network_delay.clone(),
+        );
         one.register_with_unit(
             "battery_left",
             "Estimated time until the battery is empty; NaN: unknown",
@@ -101,6 +119,8 @@ impl Metrics {
             bytes,
             percent: metric(one, "battery_percent", "Level of the battery; NaN: unknown"),
             left,
+            robot_delay,
+            network_delay,
             charging: metric(one, "battery_charging", "1 while the battery is charging"),
             low: metric(
                 one,
@@ -156,6 +176,13 @@ impl Metrics {
         let minutes = battery.and_then(|battery| battery.minutes_left);
         let seconds = minutes.map_or(f64::NAN, |minutes| 60.0 * f64::from(minutes));
         self.left.set(seconds);
+        let delay = |of: fn(Delays) -> Duration| {
+            status
+                .delays
+                .map_or(f64::NAN, |delays| of(delays).as_secs_f64())
+        };
+        self.robot_delay.set(delay(|delays| delays.robot));
+        self.network_delay.set(delay(|delays| delays.network));
         self.charging
             .set(battery.is_some_and(|battery| battery.charging).into());
         self.low.set(status.low.into());

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use tokio::time::Instant;
 use tracing::info;
 
+use crate::link::Delays;
 use crate::robot::{Battery, Setpoint, StopConfirmation, TrackPower};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::{Command, Led, Sound};
@@ -73,6 +74,9 @@ pub struct Status {
     pub stop: StopConfirmation,
     /// The robot may be moving: no stop was executed since it was last told to move.
     pub owes_stop: bool,
+    /// How late the robot executes what it is sent, as last measured. A change of this alone does not
+    /// wake receivers.
+    pub delays: Option<Delays>,
     /// Last tracks, lights and sound commanded.
     pub actuators: ActuatorState,
 }
@@ -93,6 +97,7 @@ impl Default for Status {
             emergency_stop: false,
             stop: StopConfirmation::None,
             owes_stop: false,
+            delays: None,
             actuators: ActuatorState::default(),
         }
     }
@@ -101,6 +106,7 @@ impl Default for Status {
 impl Status {
     /// Takes over the newest state; returns whether anything has changed.
     pub(super) fn update(&mut self, newest: Status) -> bool {
+        self.delays = newest.delays;
         std::mem::replace(self, newest) != newest
     }
 

@@ -47,6 +47,8 @@ async fn the_metrics_are_valid_openmetrics() {
     for (name, kind, sample) in [
         ("spykee_battery_percent", "gauge", ""),
         ("spykee_battery_left_seconds", "gauge", ""),
+        ("spykee_robot_delay_seconds", "gauge", ""),
+        ("spykee_network_delay_seconds", "gauge", ""),
         ("spykee_battery_charging", "gauge", ""),
         ("spykee_battery_low", "gauge", ""),
         ("spykee_docked", "gauge", ""),

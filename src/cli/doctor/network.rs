@@ -12,7 +12,7 @@ use crate::cli::robot_target::resolve_or_simulate;
 use crate::cli::startup::is_stopped;
 use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
-use crate::link::{self, LinkError, Session, Target, discover};
+use crate::link::{self, Executes, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
 use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
@@ -25,6 +25,8 @@ const VIDEO_PERIOD: Duration = Duration::from_secs(3);
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
+/// A robot that needs less time for a command executes it at once, as far as people can tell.
+const AT_ONCE: Duration = Duration::from_millis(20);
 /// Frames per second below which behaviours cannot follow anything.
 const FEW_FRAMES: f64 = 5.0;
 
@@ -153,6 +155,10 @@ async fn check_link(
     if let Err(failure) = report.add(latency) {
         return Ok(Err(failure));
     }
+    let execution = execution(session).await?;
+    if let Err(failure) = report.add(execution) {
+        return Ok(Err(failure));
+    }
     let video = video(session).await?;
     Ok(report.add(video))
 }
@@ -216,6 +222,36 @@ async fn latency(session: &mut Session) -> Result<CheckResult, LinkError> {
     } else {
         CheckResult::ok("latency", found)
     })
+}
+
+/// Whether the robot's program answers questions, and how fast it executes what it is sent.
+async fn execution(session: &mut Session) -> Result<CheckResult, LinkError> {
+    let began = Instant::now();
+    session.writer.ask(began)?;
+    while !session.writer.is_executed() {
+        match timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await {
+            Ok(report) => {
+                if let Report::Power(_) = report? {
+                    session.writer.answer(Instant::now());
+                }
+            }
+            Err(_) => break,
+        }
+    }
+    let Executes::Every(period) = session.writer.executes(Instant::now()) else {
+        let found = "the robot does not say what it has executed";
+        let help =
+            "a stop counts as acknowledged, not as executed, and five commands a second are sent";
+        return Ok(CheckResult::warn("commands", found, help));
+    };
+    let per_second = 1.0 / period.as_secs_f64();
+    let speed = if period < AT_ONCE {
+        "at once".to_owned()
+    } else {
+        format!("about {per_second:.0} a second")
+    };
+    let found = format!("the robot executes them {speed}, and says so");
+    Ok(CheckResult::ok("commands", found))
 }
 
 async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
