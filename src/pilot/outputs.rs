@@ -235,11 +235,15 @@ impl Pilot {
     }
 
     pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
-        if self.emergency_stop.on {
-            commands.iter().filter_map(while_stopped).collect()
-        } else {
-            commands.to_vec()
+        if !self.emergency_stop.on {
+            return commands.to_vec();
         }
+        let mut replaced: Vec<Command> = commands.iter().filter_map(while_stopped).collect();
+        // A search that ends may leave the tracks on.
+        if replaced.last() == Some(&Command::Engine(Engage::CancelDock)) {
+            replaced.push(Command::STOP);
+        }
+        replaced
     }
 
     /// Switches off what a nearly empty battery must not feed, and the streams on again when it

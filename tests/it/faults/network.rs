@@ -93,7 +93,7 @@ pub async fn ends_in_time(mut fault_run: FaultRun) {
     let interrupted = Stopwatch::start();
     assert_eq!(
         fault_run.run.code().await,
-        Some(130),
+        Some(3),
         "{}",
         fault_run.run.text()
     );

@@ -65,7 +65,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "half-open to the robot", "{fault: half_open, towards: robot, for: 1}, {fault: reset, after: 0.3}",
         "commands that the robot missed are not repeated; it receives a stop", network::queues_nothing, Drives;
     "interrupted on a dead link", "{fault: half_open}",
-        "Ctrl-C still ends the program within 2 s", network::ends_in_time, Drives;
+        "Ctrl-C still ends the program within about 2 s, and says that the robot may be driving", network::ends_in_time, Drives;
     "garbage from the robot", "{fault: garbage, bytes: 300}",
         "a stream that lost synchronisation is closed; reconnect, a stop first", network::comes_back, Drives;
     "garbage to the robot", "{fault: garbage, bytes: 300, towards: robot}",
