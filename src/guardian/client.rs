@@ -18,10 +18,10 @@ use super::starter::{GuardianFiles, Starter};
 pub const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(100);
 /// So many consecutive beats without an answer, half a second, and the guardian counts as not
 /// answering. Counted in beats, not seconds: an agent that was itself stopped has sent none.
-const MAX_UNANSWERED: u32 = 5;
+const MAX_UNANSWERED: u32 = 15;
 /// So many, and it is replaced. Until then a guardian that is only slow, on a busy machine, may
 /// answer again.
-const GIVEN_UP: u32 = 20;
+const GIVEN_UP: u32 = 40;
 /// The gap between two beats after which unanswered ones do not count.
 const STALL: Duration = Duration::from_millis(500);
 /// An answer is a message without data.
