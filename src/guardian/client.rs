@@ -16,8 +16,9 @@ use super::starter::{GuardianFiles, Starter};
 
 /// How often the driving core must beat; a third of the time after which the guardian acts.
 pub const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(100);
-/// So many consecutive beats without an answer, half a second, and the guardian counts as not
-/// answering. Counted in beats, not seconds: an agent that was itself stopped has sent none.
+/// So many consecutive beats without an answer, and the guardian counts as not answering: nothing may
+/// drive without it for more than 2 s, and a busy machine may starve it for a while. Counted in beats,
+/// not seconds: an agent that was itself stopped has sent none.
 const MAX_UNANSWERED: u32 = 15;
 /// So many, and it is replaced. Until then a guardian that is only slow, on a busy machine, may
 /// answer again.
