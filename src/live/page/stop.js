@@ -44,6 +44,8 @@ export function emergencyStop(connection, changed) {
   let already = false;
   let confirmation = "none";
   let state = null;
+  /** The simulated clock stands, so that no robot can confirm anything. */
+  let paused = false;
   let requests = new Set();
   let timer = null;
 
@@ -96,7 +98,7 @@ export function emergencyStop(connection, changed) {
     if (said !== "sending" || confirmation !== "not_confirmed") {
       confirmation = said;
     }
-    if (said === "executed" || said === "acknowledged") {
+    if (said === "executed" || said === "acknowledged" || (said === "sending" && paused)) {
       end();
     }
     show();
@@ -127,6 +129,8 @@ export function emergencyStop(connection, changed) {
     const unusual = { sending: "stop_sending", acknowledged: "stop_acknowledged", not_confirmed: "stop_out_of_reach" };
     return unusual[confirmation] ?? "stop_executed";
   }
+
+  connection.on("map", ({ clock }) => { paused = clock?.paused ?? false; });
 
   const words = h("small", { "aria-hidden": "true" });
   const button = h("button", { type: "button", class: "stop", "aria-label": t("stop"), title: t("stop_help"), onclick: engage }, t("stop"), words);
