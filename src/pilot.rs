@@ -580,13 +580,6 @@ impl Pilot {
         Ok(writer.ask(now)?)
     }
 
-    fn answered(&mut self) -> Result<(), LinkLost> {
-        if let Some(writer) = &mut self.writer {
-            writer.answer(Instant::now());
-        }
-        self.check_execution()
-    }
-
     /// The events that tell a behaviour the state of a connected robot.
     fn welcome(&self) -> Vec<Event> {
         let (Some(info), Some(battery)) = (&self.info, self.battery()) else {
@@ -605,15 +598,12 @@ impl Pilot {
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
         self.silence.note_received(Instant::now());
         let lost = self.handle(Fact::BytesReceived);
+        if let Some(writer) = &mut self.writer {
+            writer.answer(&report, Instant::now());
+        }
         match report {
             Report::Power(power) => {
-                let lost = lost.and(self.take_battery_fact(Fact::Power(power)));
-                let asks_for_config = self.writer.as_mut().is_some_and(Writer::asks_for_config);
-                return if asks_for_config {
-                    lost
-                } else {
-                    lost.and(self.answered())
-                };
+                return lost.and(self.take_battery_fact(Fact::Power(power)));
             }
             Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
@@ -621,12 +611,7 @@ impl Pilot {
             Report::SoundFinished => self.sessions.tell_all(&Event::SoundFinished),
             Report::Unknown(packet) => self.log_unknown_message(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
-            Report::Config(_) => {
-                if self.writer.as_mut().is_some_and(Writer::asks_for_config) {
-                    return lost.and(self.answered());
-                }
-            }
-            Report::Networks(_) | Report::Log(_) => {}
+            Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
         }
         lost
     }

@@ -407,8 +407,7 @@ async fn confirm(reader: &mut Reader, writer: &mut Writer, limit: Duration) -> D
         tokio::select! {
             biased;
             report = reader.next(), if reads => match report {
-                Ok(Report::Power(_)) => writer.answer(now),
-                Ok(_) => {}
+                Ok(report) => writer.answer(&report, now),
                 // A robot that has only closed its half may still acknowledge ours.
                 Err(LinkError::Closed) => reads = false,
                 Err(_) => return not_confirmed,

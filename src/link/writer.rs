@@ -18,7 +18,7 @@ use super::LinkError;
 use super::pace::{Delays, Executes};
 use super::send_queue::SendQueue;
 use crate::socket_outq::{round_trip, unacknowledged};
-use crate::wire::Command;
+use crate::wire::{Command, Report};
 
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
@@ -142,16 +142,18 @@ impl Writer {
         self.write_ready()
     }
 
-    /// Notes a report that answers questions: POWER, or CONFIG of a robot that is asked for that.
-    pub fn answer(&mut self, now: Instant) {
-        let network = self.direct.as_ref().and_then(round_trip);
-        let pace = self.queue.pace();
-        pace.answer(network.unwrap_or_default(), now);
-    }
-
-    /// Whether CONFIG is what the robot is asked for at present, and not POWER.
-    pub fn asks_for_config(&mut self) -> bool {
-        self.queue.pace().question() == Command::ConfigQuery
+    /// Notes a report: one of the kind that is asked for may be an answer.
+    pub fn answer(&mut self, report: &Report, now: Instant) {
+        let question = self.queue.pace().question();
+        let is_answer = match report {
+            Report::Power(_) => question == Command::PowerQuery,
+            Report::Config(_) => question == Command::ConfigQuery,
+            _ => false,
+        };
+        if is_answer {
+            let network = self.direct.as_ref().and_then(round_trip);
+            self.queue.pace().answer(network.unwrap_or_default(), now);
+        }
     }
 
     /// Whether the robot's program has executed everything that was sent before the last

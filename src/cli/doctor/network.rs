@@ -230,11 +230,7 @@ async fn execution(session: &mut Session) -> Result<CheckResult, LinkError> {
     session.writer.ask(began)?;
     while !session.writer.is_executed() {
         match timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await {
-            Ok(report) => {
-                if let Report::Power(_) = report? {
-                    session.writer.answer(Instant::now());
-                }
-            }
+            Ok(report) => session.writer.answer(&report?, Instant::now()),
             Err(_) => break,
         }
     }
