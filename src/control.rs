@@ -1,24 +1,30 @@
-//! Requests to an active run: other programs of the same user connect to a private socket in the
-//! data folder and send one request each. The run's own pilot handles them as a person's requests,
-//! with a priority above every behaviour; the watchdog's rules apply to them too.
+//! Requests of persons and programs to an active run. There is one definition of each, served over
+//! HTTP on a private socket in the data folder, for programs of the same user, and on the network
+//! by the page's server; the page and the broker send the same. The pilot handles them with a
+//! priority above every behaviour; the watchdog's rules apply to them too.
 //!
-//! The socket is not served on the driving core. The number of clients served at a time is limited;
-//! each sends one request of bounded length within a timeout, or is disconnected. A run on another
-//! computer accepts the same requests and gives the same answers through its JSON API.
+//! Neither is served on the driving core.
 
 mod client;
 mod emergency_stop;
 mod folder;
-mod pipe;
-mod report;
+mod remote;
 mod request;
+mod response;
+mod routes;
+mod run;
+mod run_status;
 mod server;
-mod web;
+mod world_change;
 
 pub use client::{AskError, Client, StopAnswer, StoppedRun, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
 pub use folder::guardian_socket;
-pub use report::{Level, Report, RunningBehaviourReport, Start, StopReport};
-pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
-pub use server::{ControlServer, Run};
-pub use web::{Remote, TokenError};
+pub use remote::{Remote, TokenError};
+pub use request::{Change, MAX_SPEECH, RunRequest};
+pub use response::RunResponse;
+pub use routes::{described, paths, routes};
+pub use run::Run;
+pub use run_status::{BehaviourListing, Exit, RunStatus, Start};
+pub use server::ControlServer;
+pub use world_change::SimulatedRobot;

@@ -14,12 +14,14 @@ mod middleware;
 mod origin_check;
 mod visitor;
 
+use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ConnectInfo;
+use axum::middleware::from_fn;
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
@@ -28,18 +30,20 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
-use tokio::net::TcpListener;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, UnixListener};
 use tokio::time::sleep;
 use tokio_io_timeout::TimeoutStream;
 use tracing::debug;
 
 use connections::{Connections, Place};
+use middleware::LocalUser;
 
 pub use access::{Access, AccessError};
 pub use keyring::{Key, Keyring, KeyringError, Role};
 pub use login::{Me, routes};
 pub use middleware::guard_request;
-pub use visitor::{Driver, Refusal, Visitor};
+pub use visitor::{Refusal, Visitor};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
@@ -99,29 +103,69 @@ const STALL: Duration = Duration::from_secs(15);
 /// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Serves the router on this socket; never returns. A connection carries one request, so that the
-/// timeout for its head counts from the start; the middleware enforces the one for the body.
+/// Serves the network; never returns. A connection carries one request, so that the timeout for its
+/// head counts from the start; the middleware enforces the one for the body.
 pub async fn serve(listener: TcpListener, router: Router) {
-    let connections = Arc::new(Connections::default());
-    let router = Arc::new(TowerToHyperService::new(router));
+    let server = Server::new(router);
     loop {
-        let (stream, address) = match listener.accept().await {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                debug!("cannot accept a connection: {error}");
-                sleep(PAUSE).await;
-                continue;
+        match listener.accept().await {
+            Ok((stream, address)) => {
+                // Send small messages at once. A failure only delays them.
+                let _ = stream.set_nodelay(true);
+                server.serve(stream, address.ip(), ConnectInfo(address));
             }
-        };
-        // Send small messages at once. A failure only delays them.
-        let _ = stream.set_nodelay(true);
+            Err(error) => pause_after(&error).await,
+        }
+    }
+}
+
+/// Serves programs of the same user through a private socket; never returns.
+pub async fn serve_private(listener: UnixListener, router: Router) {
+    let server = Server::new(router.layer(from_fn(middleware::admit_local)));
+    loop {
+        let accepted = listener.accept().await;
+        let connected = accepted.and_then(|(stream, _)| Ok((stream.peer_cred()?.uid(), stream)));
+        match connected {
+            Ok((user, stream)) => {
+                server.serve(stream, Ipv4Addr::LOCALHOST.into(), LocalUser(user));
+            }
+            Err(error) => pause_after(&error).await,
+        }
+    }
+}
+
+async fn pause_after(error: &io::Error) {
+    debug!("cannot accept a connection: {error}");
+    sleep(PAUSE).await;
+}
+
+/// A router and its open connections.
+struct Server {
+    connections: Arc<Connections>,
+    router: Arc<TowerToHyperService<Router>>,
+}
+
+impl Server {
+    fn new(router: Router) -> Server {
+        Server {
+            connections: Arc::default(),
+            router: Arc::new(TowerToHyperService::new(router)),
+        }
+    }
+
+    /// Serves one connection in a task of its own; its requests have this extension.
+    fn serve<S, E>(&self, stream: S, address: IpAddr, extension: E)
+    where
+        S: AsyncRead + AsyncWrite + Send + 'static,
+        E: Clone + Send + Sync + 'static,
+    {
         let mut stream = TimeoutStream::new(stream);
         stream.set_write_timeout(Some(STALL));
-        let router = router.clone();
-        let place = Arc::new(Place::new(&connections, address.ip()));
+        let router = self.router.clone();
+        let place = Arc::new(Place::new(&self.connections, address));
         let request_place = place.clone();
         let service = service_fn(move |mut request: Request<Incoming>| {
-            request.extensions_mut().insert(ConnectInfo(address));
+            request.extensions_mut().insert(extension.clone());
             request.extensions_mut().insert(request_place.clone());
             router.call(request)
         });

@@ -11,7 +11,6 @@
 
 mod api;
 mod broadcast;
-mod command;
 mod connection;
 mod history;
 mod log;
@@ -29,4 +28,3 @@ pub use log::{LogTap, tap};
 pub use messages::{schema, understood};
 pub use scripts::{RunDefinition, Script};
 pub use server::{Live, LiveError, WebContext};
-pub use world::SimulatedRobot;

@@ -40,8 +40,20 @@ pub struct CallId(pub u64);
 
 /// Decides which behaviour drives when several want to: the one with the larger number.
 #[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    schemars::JsonSchema,
 )]
+#[schemars(inline)]
 pub struct Priority(pub i16);
 
 /// The power of both tracks.
@@ -82,7 +94,7 @@ impl Setpoint {
 }
 
 /// The battery, as far as its reports are believed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Battery {
     /// Level.
     pub percent: Percent,
@@ -110,7 +122,7 @@ impl Battery {
 }
 
 /// The robot's identity, from the login.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct RobotInfo {
     /// Such as `SPYKEE0001`.
     pub uid: String,

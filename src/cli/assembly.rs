@@ -24,9 +24,9 @@ use crate::agent::{
 };
 use crate::clock::Clock;
 use crate::config::Effective;
-use crate::control::{self, ControlServer, EmergencyStop};
+use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
 use crate::journal::Journal;
-use crate::live::{Live, RunDefinition, SimulatedRobot};
+use crate::live::{Live, RunDefinition};
 use crate::mqtt::{Account, Mqtt};
 use crate::notify::Notifier;
 use crate::pilot::{DrivingCore, Status};
@@ -208,6 +208,10 @@ impl RunParts {
         let (agent, status) = Agent::new(self.plan);
         self.emergency_stop.restore(&agent.requests());
         handle_signals(&core, agent.requests(), stop.clone())?;
+        let (page, sim) = match self.page {
+            Some((page, sim)) => (Some(page), sim.map(SimulatedRobot::from)),
+            None => (None, None),
+        };
         let run = control::Run {
             requests: agent.requests(),
             roster: agent.roster(),
@@ -219,19 +223,23 @@ impl RunParts {
             streams,
             target: self.target,
             simulated,
+            sim,
             began: Instant::now(),
             view,
         };
-        let page = self
-            .page
-            .map(|(page, sim)| page.serve(run.clone(), sim.map(SimulatedRobot::from), console));
+        // Only the command line ends a run: a person at the page could not release its STOP.
+        let shared = control::Run {
+            end: None,
+            ..run.clone()
+        };
+        let page = page.map(|page| page.serve(shared.clone(), console));
         Ok(StartedRun {
             agent,
             status,
             line: self.line,
             server: self.server,
             _page: page.transpose()?,
-            mqtt: broker::start(&bus, &run, self.account),
+            mqtt: broker::start(&bus, &shared, self.account),
             bus,
             run,
         })

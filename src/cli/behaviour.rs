@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use clap::Subcommand;
-use serde_json::{Value, json};
 
 use super::argument::ArgumentError;
 use super::running::RemoteArgs;
@@ -121,12 +120,9 @@ impl BehaviourArgs {
 pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
     match &args.command {
         BehaviourCommand::List(args) => list(args),
-        BehaviourCommand::Start(StartArgs { lasts, name }) => {
-            let begin = lasts.map_or(Change::Start, |lasts| Change::StartFor(lasts.get()));
-            change(name, begin)
-        }
-        BehaviourCommand::Stop(args) => change(args, Change::Stop),
-        BehaviourCommand::Restart(args) => change(args, Change::Restart),
+        BehaviourCommand::Start(StartArgs { lasts, name }) => change(name, Change::Start, *lasts),
+        BehaviourCommand::Stop(args) => change(args, Change::Stop, None),
+        BehaviourCommand::Restart(args) => change(args, Change::Restart, None),
     }
 }
 
@@ -137,10 +133,10 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
         CHANGE_TIMEOUT,
     )? {
         None => Ok(Exit::Interrupted),
-        Some(RunResponse::Behaviours(behaviours)) => {
+        Some(RunResponse::Behaviours { behaviours }) => {
             if args.json {
-                let behaviours = behaviours.iter().map(object).collect();
-                print(&format!("{}\n", Value::Array(behaviours)))?;
+                let text = serde_json::to_string(&behaviours).map_err(Failure::internal)?;
+                print(&format!("{text}\n"))?;
             } else if args.names {
                 let names = behaviours.iter().map(|one| one.name.as_str());
                 let plain = names.filter(|name| is_plain(name));
@@ -155,20 +151,23 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
     }
 }
 
-fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
-    let name = args.name.clone();
-    let request = RunRequest::Behaviour { name, change };
+fn change(args: &NameArgs, change: Change, lasts: Option<Span>) -> Result<Exit, Failure> {
+    let request = RunRequest::Behaviour {
+        name: args.name.clone(),
+        change,
+        lasts,
+    };
     match ask(&args.which.client()?, &request, CHANGE_TIMEOUT)? {
         None => Ok(Exit::Interrupted),
         Some(RunResponse::Done) => {
-            let done = match change {
-                Change::Start => "runs".to_owned(),
-                Change::StartFor(lasts) => {
-                    let whole = Duration::from_secs(lasts.as_secs_f64().ceil() as u64);
+            let done = match (change, lasts) {
+                (Change::Start, None) => "runs".to_owned(),
+                (Change::Start, Some(lasts)) => {
+                    let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
                     format!("runs, for {} at most", clock::hours(whole))
                 }
-                Change::Stop => "has ended".to_owned(),
-                Change::Restart => "restarted".to_owned(),
+                (Change::Stop, _) => "has ended".to_owned(),
+                (Change::Restart, _) => "restarted".to_owned(),
             };
             print(&format!("{} {done}\n", args.name))?;
             Ok(Exit::Done)
@@ -202,21 +201,14 @@ fn row(one: &BehaviourListing) -> Vec<String> {
     vec![
         one.name.clone(),
         one.state.clone(),
-        one.running.map_or_else(|| "-".to_owned(), clock::hours),
+        one.running.map_or_else(
+            || "-".to_owned(),
+            |seconds| clock::hours(Duration::from_secs(seconds)),
+        ),
         one.priority.0.to_string(),
         one.exit.as_ref().map_or_else(
             || "-".to_owned(),
-            |(reason, words)| format!("{reason}: {words}"),
+            |exit| format!("{}: {}", exit.reason, exit.text),
         ),
     ]
-}
-
-fn object(one: &BehaviourListing) -> Value {
-    let exit = one.exit.as_ref();
-    json!({
-        "name": one.name, "priority": one.priority.0, "state": one.state,
-        "seconds": one.running.map(|time| time.as_secs()),
-        "ended": exit.map(|(reason, _)| reason.to_string()),
-        "message": exit.map(|(_, words)| words),
-    })
 }

@@ -22,9 +22,8 @@ use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, ConnectAttempts, Outcome};
 use crate::clock::hours;
 use crate::config::Config;
-use crate::control;
+use crate::control::{self, SimulatedRobot};
 use crate::journal::{self, SimulationJournal};
-use crate::live::SimulatedRobot;
 use crate::pilot::Status;
 use crate::robot::Streams;
 use crate::script;
@@ -168,8 +167,7 @@ impl Fast {
                 robot: simulation.sim().clone(),
                 sim_clock,
             };
-            let page =
-                page.map(|page| page.serve(run_handle(&run, streams), Some(simulated), console));
+            let page = page.map(|page| page.serve(run_handle(&run, streams, simulated), console));
             let _page = page.transpose()?;
             let _ = opened.send((run.status(), simulation.sim().clone()));
             let outcome = run.outcome().await;
@@ -185,18 +183,19 @@ impl Fast {
 }
 
 /// The handle through which the page accesses the run.
-fn run_handle(run: &Running, streams: Streams) -> control::Run {
+fn run_handle(run: &Running, streams: Streams, sim: SimulatedRobot) -> control::Run {
     control::Run {
         requests: run.requests(),
         roster: run.roster(),
         status: run.status(),
         pictures: run.pictures(),
         reactions: run.reactions(),
-        end: Some(run.stopper()),
+        end: None,
         emergency_stop: control::EmergencyStop::default(),
         streams,
         target: "a simulation".to_owned(),
         simulated: true,
+        sim: Some(sim),
         began: tokio::time::Instant::now(),
         // A single run has no timetable.
         view: View::channel().1,

@@ -10,7 +10,7 @@ use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
 use crate::http::Options;
-use crate::live::{self, Live, LiveError, RunDefinition, Script, SimulatedRobot, WebContext};
+use crate::live::{self, Live, LiveError, RunDefinition, Script, WebContext};
 use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
 
@@ -39,12 +39,7 @@ impl PageInputs {
 
     /// Serves the page, logs its address, and opens it in the browser if a person is at the
     /// terminal.
-    pub(super) fn serve(
-        self,
-        run: Run,
-        sim: Option<SimulatedRobot>,
-        console: &Console,
-    ) -> Result<Live, Failure> {
+    pub(super) fn serve(self, run: Run, console: &Console) -> Result<Live, Failure> {
         let PageInputs {
             options,
             data,
@@ -55,7 +50,6 @@ impl PageInputs {
         let live = Live::start(
             WebContext {
                 run,
-                sim,
                 definition,
                 bus,
                 log,

@@ -8,7 +8,7 @@ use super::interrupt::interruption;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
 use crate::config::{Effective, ServiceUrl};
-use crate::control::{self, AskError, Client, Overview, Remote, RunRequest, RunResponse};
+use crate::control::{self, AskError, Client, Remote, RunRequest, RunResponse, RunStatus};
 use crate::link::Target;
 use crate::robot::STOP_HOLDS;
 
@@ -144,9 +144,9 @@ pub(super) fn find_run_of_target(
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
     if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| uses_robot(&run.overview, target));
+        runs.retain(|run| uses_robot(&run.status, target));
     } else if runs.len() > 1 {
-        let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
+        let robots: Vec<&str> = runs.iter().map(|run| &*run.status.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
         return Err(failure.help(format!("--robot selects one: {}", robots.join(", "))));
     }
@@ -154,7 +154,7 @@ pub(super) fn find_run_of_target(
 }
 
 /// Whether the run uses this robot: compares the name given to the run, and the connected address.
-pub(super) fn uses_robot(run: &Overview, target: &Target) -> bool {
+pub(super) fn uses_robot(run: &RunStatus, target: &Target) -> bool {
     let target = target.to_string();
     let address = |text: &str| text.parse::<SocketAddr>().ok();
     let connected = run.robot.as_ref();
@@ -187,7 +187,7 @@ pub(super) fn ask(
             let failure = Failure::new(Exit::Unreachable, what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
-        Some(RunResponse::Refused(why)) => {
+        Some(RunResponse::Refused { error: why }) => {
             let what = format!("the run ({name}) refused the request: {why}");
             if why == STOP_HOLDS {
                 return Err(Failure::new(Exit::Safety, what));
@@ -208,10 +208,10 @@ pub(super) fn unexpected_reply() -> Failure {
 
 /// The failure for a command that needs the robot to itself while a run uses it.
 pub(super) fn robot_in_use(run: &Client) -> Failure {
-    let overview = &run.overview;
+    let status = &run.status;
     let what = format!(
         "a run uses the robot {} ({}), but this command needs it to itself",
-        overview.target,
+        status.target,
         run.name()
     );
     Failure::new(Exit::Unreachable, what).help("end the run first, with `spykee robot stop`")

@@ -1,19 +1,22 @@
 //! `spykee status`: lists the active runs and their states.
 
+use std::time::Duration;
+
 use super::running::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
 use crate::clock::{self, Clock, Zone};
-use crate::control::{self, Overview, Report};
+use crate::control::{self, RunStatus};
 use crate::guardian;
 use crate::robot::Battery;
 
-const HEAD: [(&str, Side); 8] = [
+const HEAD: [(&str, Side); 9] = [
     ("ROBOT", Side::Left),
     ("STATE", Side::Left),
     ("BATTERY", Side::Left),
     ("PLACE", Side::Left),
+    ("DELAY", Side::Right),
     ("RUNNING", Side::Right),
     ("PROCESS", Side::Right),
     ("NEXT START", Side::Left),
@@ -25,6 +28,9 @@ const HEAD: [(&str, Side); 8] = [
 /// Asks every `spykee run` and `spykee serve` of this data folder through its private socket, or
 /// with --url a service on another computer. `spykee robot battery`, `info`, `snapshot`, `dock`,
 /// `undock`, `stop`, `led`, `play`, `volume` and `say` also go through the run.
+///
+/// DELAY is the time until the robot has executed a command and answered: its program's own and the
+/// network's, which --json tells apart. `-`: its program does not answer.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {
@@ -56,9 +62,8 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     if let Some(line) = guardian::unpaid_stop(data, Clock::default().now()) {
         tracing::warn!("the guardian of an earlier run: {line}");
     }
-    let runs: Vec<Overview> = runs.into_iter().map(|run| run.overview).collect();
+    let runs: Vec<RunStatus> = runs.into_iter().map(|run| run.status).collect();
     if args.json {
-        let runs: Vec<Report> = runs.iter().map(Report::from).collect();
         let text = serde_json::to_string(&runs).map_err(Failure::internal)?;
         print(&format!("{text}\n"))?;
     } else if runs.is_empty() {
@@ -71,20 +76,24 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn row(run: &Overview, zone: &Zone) -> Vec<String> {
+fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
     let simulated = if run.simulated { " (simulated)" } else { "" };
     let behaviours = run.behaviours.iter().map(|one| one.name.as_str());
     vec![
         format!("{}{simulated}", run.target),
         run.state.clone(),
         run.battery.map_or_else(|| "-".to_owned(), describe),
-        run.dock_state.clone(),
-        clock::hours(run.running),
-        run.pid.to_string(),
+        run.place.clone(),
+        run.delays.map_or_else(
+            || "-".to_owned(),
+            |delays| format!("{:.2} s", delays.robot + delays.network),
+        ),
+        clock::hours(Duration::from_secs(run.running)),
+        run.process.to_string(),
         run.next.as_ref().map_or_else(
             || "-".to_owned(),
             |next| {
-                let at = clock::describe(&zone.time(next.time()));
+                let at = clock::describe(&zone.time(next.at));
                 format!("{} {at}", next.behaviour)
             },
         ),

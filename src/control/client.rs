@@ -4,18 +4,32 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use axum::body::{Body, to_bytes};
+use axum::http::header::{CONNECTION, CONTENT_TYPE, HOST};
+use axum::http::{Request, StatusCode};
+use hyper::client::conn::http1::handshake;
+use hyper_util::rt::TokioIo;
+use serde_json::Value;
 use tokio::net::UnixStream;
 use tokio::time::timeout;
+use tokio_util::task::AbortOnDropHandle;
 
 use super::folder::{Folder, guardian_socket};
-use super::pipe::Pipe;
-use super::request::{Overview, RunRequest, RunResponse};
-use super::web::Remote;
-use crate::guardian;
+use super::remote::Remote;
+use super::request::RunRequest;
+use super::response::RunResponse;
+use super::run_status::RunStatus;
 use crate::robot::StopOutcome;
+use crate::{guardian, sanitize};
 
-/// Timeout for a run's reply to [`RunRequest::Overview`].
-const OVERVIEW_TIMEOUT: Duration = Duration::from_secs(3);
+/// Maximum length of an answer, in bytes: that of a picture.
+pub(super) const MAX_ANSWER: usize = 4 << 20;
+/// Maximum length of a refusal that is shown, in characters.
+const SHOWN: usize = 300;
+/// How every JPEG begins.
+const JPEG: &[u8] = &[0xff, 0xd8];
+/// Timeout for a run's reply to [`RunRequest::Status`].
+const STATUS_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a run may take to show that it does not hang.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout for a guardian's answer.
@@ -30,7 +44,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 pub struct Client {
     transport: Transport,
     /// The run's state when it was found.
-    pub overview: Overview,
+    pub status: RunStatus,
 }
 
 #[derive(Debug, Clone)]
@@ -49,10 +63,10 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     let mut clients = Vec::new();
     let mut silent = 0;
     for (_, stream) in folder.connect_all() {
-        match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
-            Ok(RunResponse::Overview(overview)) => clients.push(Client {
+        match ask(stream, &RunRequest::Status, STATUS_TIMEOUT).await {
+            Ok(RunResponse::Status(status)) => clients.push(Client {
                 transport: Transport::Socket(data.to_owned()),
-                overview: *overview,
+                status: *status,
             }),
             // The run is about to end.
             Ok(_) | Err(AskError::Ended) => {}
@@ -68,7 +82,7 @@ pub struct StoppedRun {
     /// Its process ID.
     pub pid: u32,
     /// Its state just before; `None` if it hangs.
-    pub overview: Option<Overview>,
+    pub status: Option<RunStatus>,
     /// Its answer, or that of its guardian.
     pub answer: StopAnswer,
 }
@@ -92,7 +106,7 @@ pub enum StopAnswer {
 /// Presses STOP at all runs of this data folder whose state passes `chosen`, at the same time. One
 /// that hangs delays no other one, and takes two seconds at most. It is stopped in any case: nobody
 /// knows which robot it uses.
-pub async fn stop_runs(data: &Path, chosen: impl Fn(&Overview) -> bool) -> Vec<StoppedRun> {
+pub async fn stop_runs(data: &Path, chosen: impl Fn(&RunStatus) -> bool) -> Vec<StoppedRun> {
     let Ok(folder) = Folder::open(data) else {
         return vec![];
     };
@@ -108,16 +122,16 @@ async fn stop_run(
     folder: &Folder,
     pid: u32,
     stream: std::os::unix::net::UnixStream,
-    chosen: &impl Fn(&Overview) -> bool,
+    chosen: &impl Fn(&RunStatus) -> bool,
 ) -> Option<StoppedRun> {
     let stop = async |limit| ask(folder.connect_to(pid)?, &RunRequest::Stop, limit).await;
-    let overview = match ask(stream, &RunRequest::Overview, ALIVE_TIMEOUT).await {
-        Ok(RunResponse::Overview(overview)) if !chosen(&overview) => return None,
-        Ok(RunResponse::Overview(overview)) => Some(*overview),
+    let status = match ask(stream, &RunRequest::Status, ALIVE_TIMEOUT).await {
+        Ok(RunResponse::Status(status)) if !chosen(&status) => return None,
+        Ok(RunResponse::Status(status)) => Some(*status),
         Ok(_) | Err(AskError::Ended) => return None,
         Err(_) => None,
     };
-    let (asked, guardian) = if overview.is_some() {
+    let (asked, guardian) = if status.is_some() {
         (stop(STOP_TIMEOUT).await, None)
     } else {
         // The run finds this request, and holds the robot, when it continues.
@@ -136,7 +150,7 @@ async fn stop_run(
     };
     Some(StoppedRun {
         pid,
-        overview,
+        status,
         answer,
     })
 }
@@ -147,12 +161,12 @@ impl Client {
     /// # Errors
     /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
-        match ask_web(remote.clone(), &RunRequest::Overview, CONNECT_TIMEOUT).await? {
-            RunResponse::Overview(overview) => Ok(Client {
+        match ask_web(remote.clone(), &RunRequest::Status, CONNECT_TIMEOUT).await? {
+            RunResponse::Status(status) => Ok(Client {
                 transport: Transport::Web(remote),
-                overview: *overview,
+                status: *status,
             }),
-            RunResponse::Refused(why) => Err(AskError::Denied(why)),
+            RunResponse::Refused { error } => Err(AskError::Denied(error)),
             _ => Err(AskError::Ended),
         }
     }
@@ -160,7 +174,7 @@ impl Client {
     /// The name shown to people: the process on this computer, the address of a remote run.
     pub fn name(&self) -> String {
         match &self.transport {
-            Transport::Socket(_) => format!("process {}", self.overview.pid),
+            Transport::Socket(_) => format!("process {}", self.status.process),
             Transport::Web(remote) => remote.url().to_string(),
         }
     }
@@ -182,7 +196,7 @@ impl Client {
     ) -> Result<RunResponse, AskError> {
         match &self.transport {
             Transport::Socket(data) => {
-                let stream = Folder::open(data)?.connect_to(self.overview.pid)?;
+                let stream = Folder::open(data)?.connect_to(self.status.process)?;
                 ask(stream, request, limit).await
             }
             Transport::Web(remote) => ask_web(remote.clone(), request, limit).await,
@@ -201,21 +215,67 @@ async fn ask_web(
     asked.await.unwrap_or(Err(AskError::Ended))
 }
 
+/// Sends one request over a connection of its own. Dropping the future cancels it.
 async fn ask(
     stream: std::os::unix::net::UnixStream,
     request: &RunRequest,
     limit: Duration,
 ) -> Result<RunResponse, AskError> {
-    let mut pipe = Pipe::new(UnixStream::from_std(stream)?);
-    let answered = timeout(limit, async {
-        pipe.send(request).await?;
-        pipe.receive().await
-    });
-    match answered.await {
-        Ok(Ok(Some(answer))) => Ok(answer),
-        Ok(Ok(None)) => Err(AskError::Ended),
-        Ok(Err(error)) => Err(error.into()),
-        Err(_) => Err(AskError::TimedOut(limit)),
+    let stream = UnixStream::from_std(stream)?;
+    let asked = timeout(limit, ask_socket(stream, request));
+    asked.await.unwrap_or(Err(AskError::TimedOut(limit)))
+}
+
+async fn ask_socket(stream: UnixStream, request: &RunRequest) -> Result<RunResponse, AskError> {
+    let call = request.to_http();
+    let request = Request::builder()
+        .method(call.method)
+        .uri(call.path)
+        .header(HOST, "localhost")
+        .header(CONTENT_TYPE, call.content_type)
+        .header(CONNECTION, "close")
+        .body(Body::from(call.body))
+        .map_err(io::Error::other)?;
+    let (mut sender, connection) = handshake(TokioIo::new(stream)).await?;
+    let _connection = AbortOnDropHandle::new(tokio::spawn(connection));
+    let answer = sender.send_request(request).await?;
+    let status = answer.status();
+    let body = to_bytes(Body::new(answer.into_body()), MAX_ANSWER)
+        .await
+        .map_err(io::Error::other)?;
+    parse_answer(status, body.into())
+}
+
+/// The answer in an HTTP response.
+pub(super) fn parse_answer(status: StatusCode, body: Vec<u8>) -> Result<RunResponse, AskError> {
+    if status == StatusCode::OK && body.starts_with(JPEG) {
+        return Ok(RunResponse::Picture { jpeg: body });
+    }
+    let fields: Value = serde_json::from_slice(&body).unwrap_or_default();
+    let fields = sanitized(fields);
+    if fields.get("answer").is_some() {
+        let strange = |error| io::Error::other(format!("invalid reply: {error}"));
+        return Ok(serde_json::from_value(fields).map_err(strange)?);
+    }
+    match status {
+        StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN | StatusCode::MISDIRECTED_REQUEST => {
+            let why = fields["error"].as_str().unwrap_or("no reason given");
+            Err(AskError::Denied(why.chars().take(SHOWN).collect()))
+        }
+        _ => Err(AskError::UnexpectedStatus(status.as_u16())),
+    }
+}
+
+/// The texts without what a terminal would obey.
+fn sanitized(value: Value) -> Value {
+    match value {
+        Value::String(text) => sanitize::line(&text).into(),
+        Value::Array(list) => list.into_iter().map(sanitized).collect(),
+        Value::Object(fields) => fields
+            .into_iter()
+            .map(|(name, value)| (name, sanitized(value)))
+            .collect(),
+        other => other,
     }
 }
 
@@ -231,10 +291,64 @@ pub enum AskError {
     /// An error of the system.
     #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
+    /// The run closed the connection, or its reply is not HTTP.
+    #[error("the request to the run failed: {0}")]
+    Http(hyper::Error),
     /// A service on another computer denies access.
     #[error("the service denies access: {0}")]
     Denied(String),
     /// A service on another computer replies with an unexpected HTTP status.
     #[error("the service replies with the HTTP status {0}: is it a different version?")]
     UnexpectedStatus(u16),
+}
+
+/// A run that ends closes its connections.
+impl From<hyper::Error> for AskError {
+    fn from(error: hyper::Error) -> AskError {
+        if error.is_parse() {
+            AskError::Http(error)
+        } else {
+            AskError::Ended
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::DockEnd;
+
+    fn parse(status: u16, body: &str) -> Result<RunResponse, AskError> {
+        parse_answer(
+            StatusCode::from_u16(status).unwrap(),
+            body.as_bytes().to_vec(),
+        )
+    }
+
+    #[test]
+    fn an_answer_is_read_whatever_its_status_and_shown_without_control_characters() {
+        assert_eq!(
+            parse(200, r#"{"answer":"done"}"#).unwrap(),
+            RunResponse::Done
+        );
+        let offline = r#"{"answer":"offline","error":"the robot is out of reach"}"#;
+        assert_eq!(parse(503, offline).unwrap(), RunResponse::Offline);
+        let refused = parse(409, r#"{"answer":"refused","error":"no\u001b[2J"}"#).unwrap();
+        assert!(matches!(refused, RunResponse::Refused { error } if !error.contains('\u{1b}')));
+        let docked =
+            r#"{"answer":"docked","end":"timeout","attempts":3,"seconds":1.5,"error":"timeout"}"#;
+        let end = DockEnd::Timeout;
+        assert_eq!(parse(409, docked).unwrap().dock_end(), Some(end));
+        assert!(
+            matches!(parse(401, r#"{"error":"wrong token"}"#), Err(AskError::Denied(why)) if why == "wrong token")
+        );
+        assert!(matches!(
+            parse(404, ""),
+            Err(AskError::UnexpectedStatus(404))
+        ));
+        assert!(matches!(
+            parse(200, r#"{"answer":"dance"}"#),
+            Err(AskError::Io(_))
+        ));
+    }
 }

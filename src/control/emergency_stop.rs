@@ -158,7 +158,9 @@ impl EmergencyStop {
         };
         match file.sync().await {
             Some(Ok(())) => StopKept::Yes,
-            Some(Err(error)) => StopKept::No(error.to_string()),
+            Some(Err(error)) => StopKept::No {
+                why: error.to_string(),
+            },
             // It is kept already, and only the disk's answer to something else is missing.
             None if *file.kept.borrow() == Some(true) => StopKept::Yes,
             None => StopKept::NotYet,
@@ -479,7 +481,7 @@ mod tests {
             let _ = std::fs::remove_dir_all(&data);
         }
         let kept = engage(&stop).await;
-        assert!(matches!(&kept, StopKept::No(_)), "{kept:?}");
+        assert!(matches!(&kept, StopKept::No { .. }), "{kept:?}");
         assert!(kept.warning().unwrap().contains("NOT in the next one"));
         assert!(stop.is_on());
         std::fs::remove_file(&data).unwrap();

@@ -1,242 +1,372 @@
-//! The requests that a run accepts, and its answers.
+//! The requests of persons and programs to a run: of the command line, the page, the API and the
+//! broker.
 
-use std::time::Duration;
-
-use jiff::Timestamp;
+use axum::http::Method;
+use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
-use crate::agent::{BehaviourState, BehaviourStatus};
-use crate::robot::channel::RunningBehaviour;
-use crate::robot::{
-    Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo, StopConfirmation,
-    StopOutcome,
-};
-use crate::timetable::View;
+use super::world_change::WorldChange;
+use crate::clock::Span;
+use crate::http::Role;
+use crate::robot::{ParamValue, Percent};
 use crate::wire::{Led, Sound};
 
 /// Maximum length of speech in one request, in bytes: half a minute of s16, mono, 16 kHz.
 pub const MAX_SPEECH: usize = 30 * 32_000;
+/// The field that tells the requests apart.
+pub(super) const TAG: &str = "do";
 
-/// One request of a person to a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// One request. Over HTTP, it is `/api/NAME` with its other fields in a JSON object, or of a GET in
+/// the query; [`ROUTES`] lists the names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(rename = "Request")]
 pub enum RunRequest {
-    /// The state of the run.
-    Overview,
-    /// Drive to the station.
-    Dock(DockPlan),
-    /// Leave the station, and wait at most this long for the robot's confirmation.
-    Undock(Duration),
-    /// STOP: the robot stands until a person releases it. A run ends then, a service goes on.
+    /// The state of the run, as `spykee status --json` prints it.
+    Status,
+    /// All behaviours that are known or running.
+    Behaviours,
+    /// A picture taken by the camera after the request.
+    Picture {
+        /// How long to wait for it, from 1 to 600 s; 5 unless given.
+        seconds: Option<u64>,
+    },
+    /// STOP: nothing moves the robot until a person releases it. A single run ends then, a service
+    /// goes on. The answer comes when the robot has confirmed it, or after two seconds.
     Stop,
+    /// Release STOP: the robot may move again.
+    ResetStop,
+    /// Drive to the station. The answer comes when the robot is there, or the docking has failed;
+    /// the defaults are those of `robot.dock`.
+    Dock {
+        /// Maximum duration of one search, from 1 to 3600 s.
+        seconds: Option<u64>,
+        /// Number of retries, from 0 to 20.
+        retries: Option<u32>,
+    },
+    /// Leave the station. The answer comes when the robot has left, or has not.
+    Undock {
+        /// How long to wait for the robot's confirmation, from 1 to 600 s; 15 unless given.
+        seconds: Option<u64>,
+    },
     /// Switch a light.
     Led {
-        /// Which light.
-        led: Led,
+        /// `flash`, `left` or `right`.
+        #[schemars(with = "String")]
+        light: Led,
         /// On or off.
         on: bool,
     },
-    /// Play a sound.
-    Play(Sound),
+    /// Play a sound, such as `laser`; `spykee robot play --help` lists them.
+    Play {
+        /// Its name.
+        #[schemars(with = "String")]
+        sound: Sound,
+    },
     /// Stop the music.
     StopSound,
     /// Set the volume.
-    Volume(Percent),
-    /// Speak: s16 little-endian, mono, 16 kHz; at most [`MAX_SPEECH`] bytes.
-    Say(Vec<u8>),
-    /// A picture taken by the camera after the request, with this timeout.
-    Picture(Duration),
-    /// List the behaviours and their states.
-    Behaviours,
-    /// Start or end a behaviour.
+    Volume {
+        /// From 0 to 100.
+        percent: Percent,
+    },
+    /// Speak: the body is s16 little-endian, mono, 16 kHz, at most 30 s.
+    Say {
+        /// The body.
+        #[serde(skip)]
+        samples: Vec<u8>,
+    },
+    /// Start, stop or restart a behaviour.
     Behaviour {
-        /// The behaviour's name.
+        /// Its name.
         name: String,
         /// The change.
         change: Change,
+        /// With `start`: end it after this time, such as `30m`, or a number of seconds.
+        #[serde(rename = "for")]
+        lasts: Option<Span>,
     },
-    /// Release a person's STOP.
-    ResetStop,
-}
-
-impl RunRequest {
-    pub(super) fn describe(&self) -> String {
-        match self {
-            RunRequest::Overview => "the state of the run".to_owned(),
-            RunRequest::Dock(_) => "dock".to_owned(),
-            RunRequest::Undock(_) => "undock".to_owned(),
-            RunRequest::Stop => "STOP".to_owned(),
-            RunRequest::Led { led, on: true } => format!("light {} on", led.name()),
-            RunRequest::Led { led, on: false } => format!("light {} off", led.name()),
-            RunRequest::Play(sound) => format!("play {}", sound.name()),
-            RunRequest::StopSound => "stop the music".to_owned(),
-            RunRequest::Volume(percent) => format!("volume {percent}"),
-            RunRequest::Say(_) => "talk".to_owned(),
-            RunRequest::Picture(_) => "a picture".to_owned(),
-            RunRequest::Behaviours => "the list of behaviours".to_owned(),
-            RunRequest::Behaviour { name, change } => {
-                format!("{} behaviour {name:?}", change.verb())
-            }
-            RunRequest::ResetStop => "release STOP".to_owned(),
-        }
-    }
+    /// Change a parameter that a running behaviour has declared as live.
+    Param {
+        /// The behaviour.
+        name: String,
+        /// The parameter.
+        param: String,
+        /// Its new value.
+        value: ParamValue,
+    },
+    /// Change the simulated world.
+    Sim {
+        /// The change.
+        change: WorldChange,
+    },
 }
 
 /// A change of a behaviour's state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Change {
     /// Start it.
     Start,
-    /// Start it, and end it after this time.
-    StartFor(Duration),
     /// Stop it.
     Stop,
     /// Stop it if it runs, and start it again from its file.
     Restart,
 }
 
-impl Change {
-    fn verb(self) -> &'static str {
-        match self {
-            Change::Start | Change::StartFor(_) => "start",
-            Change::Stop => "stop",
-            Change::Restart => "restart",
+/// How a request is sent over HTTP, and who may send it.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Route {
+    /// The last part of the path: the request's tag, with `-` for `_`.
+    pub(super) name: &'static str,
+    /// Whether it only reads: sent with GET, else with POST.
+    pub(super) reads: bool,
+    pub(super) role: Role,
+    /// The tag of the answer.
+    pub(super) answer: &'static str,
+}
+
+/// The requests over HTTP.
+pub(super) const ROUTES: [Route; 15] = [
+    Route::get("status", "status"),
+    Route::get("behaviours", "behaviours"),
+    Route::get("picture", "picture"),
+    Route {
+        name: "stop",
+        reads: false,
+        role: Role::Viewer,
+        answer: "stopped",
+    },
+    Route::post("reset-stop", "done"),
+    Route::post("dock", "docked"),
+    Route::post("undock", "undocked"),
+    Route::post("led", "done"),
+    Route::post("play", "done"),
+    Route::post("stop-sound", "done"),
+    Route::post("volume", "done"),
+    Route::post("say", "done"),
+    Route::post("behaviour", "done"),
+    Route::post("param", "done"),
+    Route::post("sim", "done"),
+];
+
+impl Route {
+    const fn get(name: &'static str, answer: &'static str) -> Route {
+        Route {
+            name,
+            reads: true,
+            role: Role::Viewer,
+            answer,
         }
     }
-}
 
-/// The result of a [`RunRequest`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum RunResponse {
-    /// The state of the run.
-    Overview(Box<Overview>),
-    /// How a docking ended.
-    Docked {
-        /// The outcome.
-        end: DockEnd,
-        /// Attempts made.
-        attempts: u32,
-        /// Time taken.
-        took: Duration,
-    },
-    /// How an undocking ended.
-    Undocked(DockEnd),
-    /// STOP holds.
-    Stopped {
-        /// What is known of it.
-        outcome: StopOutcome,
-        /// Whether the run ends now; a service goes on.
-        ends: bool,
-    },
-    /// The request was passed to the pilot.
-    Done,
-    /// A JPEG.
-    Picture(Vec<u8>),
-    /// No picture arrived in time.
-    NoPicture,
-    /// All behaviours that are known or running.
-    Behaviours(Vec<BehaviourListing>),
-    /// The robot is not connected; the run is reconnecting.
-    Offline,
-    /// The request was refused, for this reason.
-    Refused(String),
-}
-
-/// The state of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Overview {
-    /// The process ID of the run.
-    pub pid: u32,
-    /// The robot's address as given to the run.
-    pub target: String,
-    /// Whether the robot is simulated in the run's own program.
-    pub simulated: bool,
-    /// How long the run has been active.
-    pub running: Duration,
-    /// Whether the link is up.
-    pub online: bool,
-    /// The robot's own information, if it was ever connected.
-    pub robot: Option<RobotInfo>,
-    /// The state of the watchdog, in words.
-    pub state: String,
-    /// The robot's dock state, in words.
-    pub dock_state: String,
-    /// Whether the robot is on its station, as far as is known.
-    pub docked: bool,
-    /// Whether the battery is low and the watchdog therefore controls the robot.
-    pub low: bool,
-    /// Whether a person's STOP holds.
-    pub emergency_stop: bool,
-    /// What is known of that STOP at the robot.
-    pub stop_confirmation: StopConfirmation,
-    /// The battery level, if a plausible one is known.
-    pub battery: Option<Battery>,
-    /// The running behaviours.
-    pub behaviours: Vec<RunningBehaviour>,
-    /// The next start of the timetable, if there is one.
-    pub next: Option<Next>,
-    /// Whether it is a quiet hour.
-    pub quiet: bool,
-}
-
-/// A start of the timetable.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Next {
-    /// The time, in seconds since 1970.
-    pub at: i64,
-    /// The behaviour.
-    pub behaviour: String,
-}
-
-impl Next {
-    /// The next start in this view, if there is one.
-    pub fn from_view(view: &View) -> Option<Next> {
-        let next = view.next.as_ref();
-        next.map(|(at, behaviour)| Next {
-            at: at.as_second(),
-            behaviour: behaviour.clone(),
-        })
+    const fn post(name: &'static str, answer: &'static str) -> Route {
+        Route {
+            name,
+            reads: false,
+            role: Role::Driver,
+            answer,
+        }
     }
 
-    /// The time.
-    pub fn time(&self) -> Timestamp {
-        Timestamp::from_second(self.at).unwrap_or(Timestamp::MAX)
+    /// The route of this name.
+    pub(super) fn find(name: &str) -> Option<&'static Route> {
+        ROUTES.iter().find(|route| route.name == name)
+    }
+
+    /// The request's tag.
+    pub(super) fn tag(&self) -> String {
+        self.name.replace('-', "_")
+    }
+
+    pub(super) fn method(&self) -> Method {
+        if self.reads {
+            Method::GET
+        } else {
+            Method::POST
+        }
+    }
+
+    /// Whether the body is speech instead of JSON.
+    pub(super) fn takes_samples(&self) -> bool {
+        self.name == "say"
     }
 }
 
-/// A behaviour of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct BehaviourListing {
-    /// The behaviour's name.
-    pub name: String,
-    /// Its priority when several behaviours want to drive.
-    pub priority: Priority,
-    /// `idle`, `loading`, `running` or `ending`.
-    pub state: String,
-    /// How long it has been running.
-    pub running: Option<Duration>,
-    /// How it last ended in this run.
-    pub exit: Option<(EndReason, String)>,
-}
+impl RunRequest {
+    /// The request of this route with these fields.
+    ///
+    /// # Errors
+    /// A field is missing, unknown or has a wrong value.
+    pub(super) fn from_fields(
+        route: &Route,
+        mut fields: Map<String, Value>,
+    ) -> serde_json::Result<RunRequest> {
+        fields.insert(TAG.to_owned(), route.tag().into());
+        serde_json::from_value(Value::Object(fields))
+    }
 
-impl BehaviourListing {
-    pub(super) fn new(behaviour_status: &BehaviourStatus) -> BehaviourListing {
-        let (state, running) = match behaviour_status.state {
-            BehaviourState::Idle => ("idle", None),
-            BehaviourState::Loading => ("loading", None),
-            BehaviourState::Running { since, .. } => ("running", Some(since.elapsed())),
-            BehaviourState::Ending => ("ending", None),
+    /// Who may send it.
+    pub fn role(&self) -> Role {
+        self.route().map_or(Role::Driver, |route| route.role)
+    }
+
+    fn fields(&self) -> Map<String, Value> {
+        match serde_json::to_value(self) {
+            Ok(Value::Object(fields)) => fields,
+            // A request is always an object.
+            _ => Map::new(),
+        }
+    }
+
+    /// Each request has one; a test proves it.
+    fn route(&self) -> Option<&'static Route> {
+        Route::find(&self.fields()[TAG].as_str()?.replace('_', "-"))
+    }
+
+    /// The request as HTTP.
+    pub(super) fn to_http(&self) -> Call {
+        let mut fields = self.fields();
+        fields.remove(TAG);
+        fields.retain(|_, value| !value.is_null());
+        let route = self.route();
+        let method = route.map_or(Method::POST, Route::method);
+        let mut path = format!("/api/{}", route.map_or("", |route| route.name));
+        if method == Method::GET {
+            let mut separator = '?';
+            for (field, value) in &fields {
+                let value = value.to_string();
+                let value = utf8_percent_encode(&value, NON_ALPHANUMERIC);
+                path.push_str(&format!("{separator}{field}={value}"));
+                separator = '&';
+            }
+        }
+        let (content_type, body) = match self {
+            RunRequest::Say { samples } => ("application/octet-stream", samples.clone()),
+            _ if method == Method::GET => ("application/json", vec![]),
+            _ => ("application/json", Value::Object(fields).to_string().into()),
         };
-        let exit = behaviour_status.exit.as_ref().map(|exit| {
-            let words = exit.message.as_deref();
-            let words = words.unwrap_or(exit.reason.sentence());
-            (exit.reason, words.to_owned())
-        });
-        BehaviourListing {
-            name: behaviour_status.name.clone(),
-            priority: behaviour_status.priority,
-            state: state.to_owned(),
-            running,
-            exit,
+        Call {
+            method,
+            path,
+            content_type,
+            body,
         }
+    }
+}
+
+/// A request as HTTP.
+#[derive(Debug)]
+pub(super) struct Call {
+    pub(super) method: Method,
+    /// With the query.
+    pub(super) path: String,
+    pub(super) content_type: &'static str,
+    pub(super) body: Vec<u8>,
+}
+
+/// The request in words, for the log: JSON without what is long.
+impl std::fmt::Display for RunRequest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut fields = self.fields();
+        fields.retain(|_, value| !value.is_null());
+        write!(f, "{}", Value::Object(fields))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    fn all() -> Vec<RunRequest> {
+        let name = || "a/../b?c".to_owned();
+        vec![
+            RunRequest::Status,
+            RunRequest::Behaviours,
+            RunRequest::Picture { seconds: Some(7) },
+            RunRequest::Stop,
+            RunRequest::ResetStop,
+            RunRequest::Dock {
+                seconds: None,
+                retries: Some(2),
+            },
+            RunRequest::Undock { seconds: Some(9) },
+            RunRequest::Led {
+                light: Led::Left,
+                on: true,
+            },
+            RunRequest::Play {
+                sound: Sound::Laser,
+            },
+            RunRequest::StopSound,
+            RunRequest::Volume {
+                percent: Percent::saturating(30),
+            },
+            RunRequest::Say { samples: vec![] },
+            RunRequest::Behaviour {
+                name: name(),
+                change: Change::Start,
+                lasts: Some(Span::at_most_a_year(Duration::from_secs(90))),
+            },
+            RunRequest::Param {
+                name: name(),
+                param: "speed".to_owned(),
+                value: ParamValue::Number(3.0),
+            },
+            RunRequest::Sim {
+                change: WorldChange::Step,
+            },
+        ]
+    }
+
+    #[test]
+    fn each_request_has_a_route_and_arrives_as_it_was_sent() {
+        let requests = all();
+        assert_eq!(requests.len(), ROUTES.len());
+        for (request, route) in requests.iter().zip(&ROUTES) {
+            assert_eq!(request.route(), Some(route));
+            let mut fields = request.fields();
+            fields.remove(TAG);
+            assert_eq!(RunRequest::from_fields(route, fields).unwrap(), *request);
+        }
+    }
+
+    #[test]
+    fn a_name_is_in_the_body_and_a_number_in_the_query() {
+        let start = all()[12].to_http();
+        assert_eq!(start.path, "/api/behaviour");
+        let body = r#"{"change":"start","for":"1m30s","name":"a/../b?c"}"#;
+        assert_eq!(String::from_utf8(start.body).unwrap(), body);
+        assert_eq!(all()[2].to_http().path, "/api/picture?seconds=7");
+        assert_eq!(all()[0].to_http().path, "/api/status");
+    }
+
+    #[test]
+    fn viewers_may_look_and_stop() {
+        let may = |route: &&Route| route.role == Role::Viewer;
+        let names: Vec<&str> = ROUTES.iter().filter(may).map(|route| route.name).collect();
+        assert_eq!(names, ["status", "behaviours", "picture", "stop"]);
+    }
+
+    #[test]
+    fn unknown_and_missing_fields_are_named() {
+        let error = |name: &str, fields: Value| {
+            let Value::Object(fields) = fields else {
+                panic!("{fields}")
+            };
+            let route = Route::find(name).unwrap();
+            RunRequest::from_fields(route, fields)
+                .unwrap_err()
+                .to_string()
+        };
+        let unknown = error("dock", serde_json::json!({ "speed": 3 }));
+        assert!(unknown.contains("unknown field `speed`"), "{unknown}");
+        let missing = error("volume", serde_json::json!({}));
+        assert!(missing.contains("missing field `percent`"), "{missing}");
+        let sound = error("play", serde_json::json!({ "sound": "moo" }));
+        assert!(sound.contains("no `moo` among: alarm,"), "{sound}");
     }
 }

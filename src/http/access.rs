@@ -75,13 +75,17 @@ impl Access {
     pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {
         let keyring = self.keyring.borrow();
         if keyring.is_unused() {
-            let role = Role::Driver;
-            return Some(Visitor { role, key: None });
+            return Some(Visitor {
+                role: Role::Driver,
+                key: None,
+                user: None,
+            });
         }
         let key = keyring.find(token?)?.clone();
         Some(Visitor {
             role: key.role,
             key: Some(key),
+            user: None,
         })
     }
 

@@ -148,7 +148,11 @@ mod tests {
     }
 
     fn visitor(role: Role) -> Visitor {
-        Visitor { role, key: None }
+        Visitor {
+            role,
+            key: None,
+            user: None,
+        }
     }
 
     fn open(places: &[Place]) -> usize {

@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::Extension;
 use axum::body::Body;
 use axum::extract::{ConnectInfo, Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
@@ -58,18 +59,37 @@ pub async fn guard_request(
 ) -> Response {
     let response = match admit(&access, from, &request) {
         Ok(visitor) => {
-            if let Some(place) = request.extensions().get::<Arc<Place>>()
-                && let Some(visitor) = &visitor
-            {
-                place.identify(visitor, request.uri().path() == STOP);
-            }
-            request.extensions_mut().insert(Identity(visitor));
+            identify(&mut request, visitor);
             next.run(request.map(with_body_timeout)).await
         }
         Err(refusal) => refusal.into_response(),
     };
     with_response_headers(response)
 }
+
+/// Middleware of the private socket, which only programs of the same user can open.
+pub(super) async fn admit_local(
+    Extension(LocalUser(user)): Extension<LocalUser>,
+    mut request: Request,
+    next: Next,
+) -> Response {
+    identify(&mut request, Some(Visitor::local(user)));
+    next.run(request.map(with_body_timeout)).await
+}
+
+/// Tells what serves the request, and the limit of connections, who sends it.
+fn identify(request: &mut Request, visitor: Option<Visitor>) {
+    if let Some(place) = request.extensions().get::<Arc<Place>>()
+        && let Some(visitor) = &visitor
+    {
+        place.identify(visitor, request.uri().path() == STOP);
+    }
+    request.extensions_mut().insert(Identity(visitor));
+}
+
+/// The user ID of the other end of the private socket.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LocalUser(pub(super) u32);
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
 /// all others.

@@ -16,6 +16,39 @@ pub struct Visitor {
     pub role: Role,
     /// The token used; `None` if none is needed.
     pub key: Option<Key>,
+    /// The user ID of a program on this computer that uses the private socket.
+    pub user: Option<u32>,
+}
+
+impl Visitor {
+    /// A program of this user on this computer: what it may do to the process it may do here.
+    pub(super) fn local(user: u32) -> Visitor {
+        Visitor {
+            role: Role::Driver,
+            key: None,
+            user: Some(user),
+        }
+    }
+
+    /// Whether the visitor may do what needs this role.
+    ///
+    /// # Errors
+    /// The refusal.
+    pub fn require(&self, role: Role) -> Result<(), Refusal> {
+        if role == Role::Driver && self.role != Role::Driver {
+            return Err(Refusal::viewer_only());
+        }
+        Ok(())
+    }
+
+    /// Who this is, for the journal; `way` is what a visitor from the network uses.
+    pub fn describe(&self, way: &str) -> String {
+        match (self.user, &self.key) {
+            (Some(user), _) => format!("the command line, user ID {user}"),
+            (None, Some(key)) => format!("{way}, token {}", key.name),
+            (None, None) => format!("{way}, without a token"),
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -29,22 +62,6 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
         identity
             .and_then(|Identity(visitor)| visitor.clone())
             .ok_or_else(Refusal::unknown)
-    }
-}
-
-/// A visitor with the role of a driver.
-#[derive(Debug, Clone)]
-pub struct Driver(pub Visitor);
-
-impl<S: Sync> FromRequestParts<S> for Driver {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Driver, Refusal> {
-        let visitor = Visitor::from_request_parts(parts, state).await?;
-        match visitor.role {
-            Role::Driver => Ok(Driver(visitor)),
-            Role::Viewer => Err(Refusal::viewer_only()),
-        }
     }
 }
 

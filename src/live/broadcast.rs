@@ -17,15 +17,15 @@ use super::manual_drive::TimedSetpoint;
 use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
 use super::scripts::{Behaviour, RunDefinition};
-use super::state::{People, Person, Rate};
+use super::state::{Person, Rate, State};
 use super::viewer::OpenPage;
-use super::world::SimulatedRobot;
-use super::{manual_drive, scripts, state, world};
-use crate::agent::{BehaviourState, PilotClientError};
+use super::{manual_drive, scripts, world};
+use crate::agent::{BehaviourState, BehaviourStatus, PilotClientError};
 use crate::control::Run;
 use crate::http::Access;
+use crate::robot::channel::{RunningBehaviour, RunningBehaviours};
 use crate::robot::{
-    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo, StopOutcome,
+    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo,
 };
 use crate::vision::validate_markers;
 use crate::wire::Stream;
@@ -42,7 +42,6 @@ const FOUND: usize = 32;
 
 pub(super) struct Broadcast {
     pub(super) run: Run,
-    pub(super) sim: Option<SimulatedRobot>,
     pub(super) definition: watch::Receiver<RunDefinition>,
     pub(super) data: PathBuf,
     pub(super) access: Arc<Access>,
@@ -74,7 +73,6 @@ pub(super) struct ViewerList {
 impl Broadcast {
     pub(super) fn new(
         run: Run,
-        sim: Option<SimulatedRobot>,
         definition: watch::Receiver<RunDefinition>,
         data: PathBuf,
         access: Arc<Access>,
@@ -84,7 +82,6 @@ impl Broadcast {
         let metrics = Metrics::new(run.reactions.clone());
         Arc::new(Broadcast {
             run,
-            sim,
             definition,
             data,
             access,
@@ -113,21 +110,12 @@ impl Broadcast {
         self.lock_viewers().open.len()
     }
 
-    pub(super) fn robot(&self) -> Option<RobotInfo> {
-        self.robot.borrow().clone()
-    }
-
-    /// Executes a visitor's STOP, and takes the drive lock from the viewer that drives.
-    pub(super) async fn stop(&self, by: &str) -> StopOutcome {
-        let engaged = self.run.engage_stop(by);
-        self.lock_viewers().driver = None;
-        engaged.await
-    }
-
-    /// Holds the tracks whenever STOP holds, also one of an earlier program.
+    /// Whenever STOP holds, also one of an earlier program, holds the tracks and takes the drive
+    /// lock from the viewer that drives.
     async fn hold_tracks(&self) {
         let mut stopped = self.run.emergency_stop.watch();
         while stopped.wait_for(|stopped| *stopped).await.is_ok() {
+            self.lock_viewers().driver = None;
             manual_drive::hold_tracks(self.run.clone(), stopped.clone()).await;
             // It may have ended early, with the run.
             let _ = stopped.wait_for(|stopped| !stopped).await;
@@ -150,7 +138,7 @@ impl Broadcast {
     }
 
     pub(super) fn now(&self) -> Instant {
-        let sim_clock = self.sim.as_ref().and_then(|sim| sim.sim_clock.as_ref());
+        let sim_clock = self.run.sim.as_ref().and_then(|sim| sim.sim_clock.as_ref());
         sim_clock.map_or_else(Instant::now, |sim_clock| self.run.began + sim_clock.now())
     }
 
@@ -220,15 +208,14 @@ impl Broadcast {
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             ticker.tick().await;
-            let robot = self.robot();
             let now = self.now();
-            let state = state::state(&self.run, robot.as_ref(), self.people(), &mut rate, now);
+            let state = self.state(&mut rate, now);
             if let Some(battery) = self.run.status.borrow().battery {
                 let mut history = self.history.lock().unwrap_or_else(PoisonError::into_inner);
                 history.record(battery, now);
             }
             publish(&self.state, &ToPage::State(&state));
-            if let Some(sim) = &self.sim
+            if let Some(sim) = &self.run.sim
                 && self.map.receiver_count() > 0
             {
                 publish(&self.map, &ToPage::Map(&world::map(sim)));
@@ -277,11 +264,28 @@ impl Broadcast {
             .collect()
     }
 
-    pub(super) fn people(&self) -> People {
+    fn state(&self, rate: &mut Rate, now: Instant) -> State {
+        let statuses = self.run.roster.statuses();
+        let running = |one: &&BehaviourStatus| matches!(one.state, BehaviourState::Running { .. });
+        let named = |one: &BehaviourStatus| RunningBehaviour {
+            name: one.name.clone(),
+            priority: one.priority,
+        };
+        let behaviours = statuses
+            .borrow()
+            .iter()
+            .filter(running)
+            .map(named)
+            .collect();
+        let robot = self.robot.borrow().clone();
+        let frames = self.run.status.borrow().frames;
         let viewers = self.lock_viewers();
-        let driver = viewers.driver.as_ref().map(|(person, _)| person.clone());
-        People {
-            driver,
+        State {
+            run: self
+                .run
+                .run_status(RunningBehaviours { robot, behaviours }, now),
+            fps: rate.count(frames, now),
+            driver: viewers.driver.as_ref().map(|(person, _)| person.clone()),
             viewers: viewers.open.len(),
         }
     }

@@ -17,14 +17,13 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
-use super::api::name_of;
 use super::broadcast::{Broadcast, text};
-use super::command::{PageCommand, perform};
 use super::log::Line;
 use super::messages::{FromPage, Hello, ToPage, Watch};
 use super::state::has_camera;
 use super::viewer::{DriveLockError, Viewer};
 use super::world;
+use crate::control::RunRequest;
 use crate::http::Role;
 use crate::robot::{Frame, Setpoint};
 
@@ -66,7 +65,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         version: env!("CARGO_PKG_VERSION"),
         you: viewer.id,
         role: viewer.visitor.role,
-        world: broadcast.sim.is_some(),
+        world: broadcast.run.sim.is_some(),
         camera: has_camera(&broadcast.run),
     });
     let access = broadcast.access.clone();
@@ -156,11 +155,9 @@ impl Reader {
                 .taken
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.viewer.rename(&name),
-            FromPage::Stop => self.stop(),
+            FromPage::Stop => self.stop_or_reset(RunRequest::Stop),
             FromPage::ResetStop if self.viewer.visitor.role == Role::Driver => {
-                let by = name_of("the page", &self.viewer.visitor);
-                let run = self.viewer.broadcast().run.clone();
-                tokio::spawn(async move { run.reset_stop(&by).await });
+                self.stop_or_reset(RunRequest::ResetStop);
             }
             FromPage::ResetStop => self.notice("viewer_only", String::new()),
             FromPage::DriveLock { take: true } => self.take_drive_lock(),
@@ -170,12 +167,11 @@ impl Reader {
         }
     }
 
-    /// Executes STOP in a task of its own, also if the page is closed at once. The page learns the
-    /// outcome from the state.
-    fn stop(&self) {
-        let by = name_of("the page", &self.viewer.visitor);
-        let broadcast = self.viewer.broadcast().clone();
-        tokio::spawn(async move { broadcast.stop(&by).await });
+    /// STOP does not wait for other commands, and its answer is in the state.
+    fn stop_or_reset(&self, request: RunRequest) {
+        let by = self.viewer.visitor.describe("the page");
+        let run = self.viewer.broadcast().run.clone();
+        tokio::spawn(async move { run.perform(request, &by).await });
     }
 
     fn take_drive_lock(&mut self) {
@@ -205,20 +201,26 @@ impl Reader {
         }
     }
 
-    fn execute(&mut self, id: u32, command: PageCommand) {
+    fn execute(&mut self, id: u32, command: RunRequest) {
         self.commands.retain(|command| !command.is_finished());
-        if self.viewer.visitor.role != Role::Driver {
-            let why = "viewers may only watch and stop the robot";
-            return self.answer(id, false, why.to_owned());
+        if let Err(refusal) = self.viewer.visitor.require(command.role()) {
+            return self.answer(id, false, refusal.to_string());
         }
         if self.commands.len() >= MAX_COMMANDS {
             return self.answer(id, false, "too many commands at once".to_owned());
         }
-        let broadcast = self.viewer.broadcast().clone();
+        let by = self.viewer.visitor.describe("the page");
+        let run = self.viewer.broadcast().run.clone();
         let messages = self.queues.messages.clone();
         let doing = tokio::spawn(async move {
-            let (ok, why) = perform(command, &broadcast.run, broadcast.sim.as_ref()).await;
-            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
+            let answer = run.perform(command, &by).await;
+            let error = answer.error();
+            let end = answer.dock_end().map(|end| end.name().to_owned());
+            let _ = messages.try_send(text(&ToPage::Answer {
+                id,
+                ok: error.is_none(),
+                text: error.or(end).unwrap_or_default(),
+            }));
         });
         self.commands.push(AbortOnDropHandle::new(doing));
     }
@@ -338,7 +340,7 @@ impl Writer {
     }
 
     async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
-        match (&self.broadcast.sim, watch.map) {
+        match (&self.broadcast.run.sim, watch.map) {
             (Some(sim), true) if feeds.map.is_none() => {
                 send_text(sink, text(&ToPage::World(&world::world_plan(&sim.robot)))).await?;
                 feeds.map = Some(self.broadcast.map.subscribe());

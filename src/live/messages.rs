@@ -6,11 +6,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::command::PageCommand;
 use super::log::Line;
 use super::scripts::Behaviour;
 use super::state::State;
 use super::world::{Map, WorldPlan};
+use crate::control::RunRequest;
 use crate::http::Role;
 use crate::robot::Detection;
 
@@ -48,7 +48,7 @@ pub(super) enum FromPage {
         /// A number chosen by the page.
         id: u32,
         /// The command.
-        command: PageCommand,
+        command: RunRequest,
     },
 }
 

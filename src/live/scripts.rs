@@ -6,8 +6,9 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::time::Instant;
 
-use crate::agent::{BehaviourState, BehaviourStatus};
+use crate::agent::BehaviourStatus;
 use crate::clock::Clock;
+use crate::control::BehaviourListing;
 use crate::files;
 use crate::robot::{DeclaredParam, DeclaredParams};
 use crate::timetable::Timetable;
@@ -46,36 +47,18 @@ impl From<Vec<Script>> for RunDefinition {
     }
 }
 
-/// A behaviour.
+/// A behaviour for the page.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Behaviour {
-    /// Its name.
-    pub name: String,
-    /// Its script's file, if known.
+    /// Its state.
+    #[serde(flatten)]
+    pub listing: BehaviourListing,
+    /// The path of its script.
     pub file: Option<String>,
-    /// Its priority when several behaviours want to drive.
-    pub priority: i16,
-    /// `idle`, `loading`, `running` or `ending`.
-    pub state: &'static str,
-    /// How long it has been running, in seconds.
-    pub running: Option<u64>,
-    /// The given values of its parameters.
+    /// The parameters of its config or command line, as texts.
     pub params: Vec<(String, String)>,
-    /// The parameters that it has declared, while it is running.
+    /// The parameters that it has declared as live.
     pub declared_params: Vec<DeclaredParam>,
-    /// How it last ended.
-    pub exit: Option<End>,
-}
-
-/// How a behaviour ended.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct End {
-    /// `done`, `error`, `cpu`, `memory`, `cancelled`, `safety`, `reload` or `shutdown`.
-    pub reason: &'static str,
-    /// The reason in words.
-    pub text: String,
-    /// The line of its script, if the text names one.
-    pub line: Option<u64>,
 }
 
 /// A script's text.
@@ -121,35 +104,16 @@ fn behaviour(
     declared: &[DeclaredParam],
     now: Instant,
 ) -> Behaviour {
-    let (state, running) = match behaviour_status.state {
-        BehaviourState::Idle => ("idle", None),
-        BehaviourState::Loading => ("loading", None),
-        BehaviourState::Running { since, .. } => (
-            "running",
-            Some(now.saturating_duration_since(since).as_secs()),
-        ),
-        BehaviourState::Ending => ("ending", None),
-    };
     let file = script.map(|script| script.file.display().to_string());
-    let exit = behaviour_status.exit.as_ref().map(|exit| {
-        let text = exit.message.clone();
-        let text = text.unwrap_or_else(|| exit.reason.sentence().to_owned());
-        let line = file.as_deref().and_then(|file| line_of(&text, file));
-        End {
-            reason: exit.reason.name(),
-            text,
-            line,
-        }
-    });
+    let mut listing = BehaviourListing::new(behaviour_status, now);
+    if let (Some(exit), Some(file)) = (&mut listing.exit, &file) {
+        exit.line = line_of(&exit.text, file);
+    }
     Behaviour {
-        name: behaviour_status.name.clone(),
+        listing,
         file,
-        priority: behaviour_status.priority.0,
-        state,
-        running,
         params: script.map_or_else(Vec::new, |script| script.params.clone()),
         declared_params: declared.to_vec(),
-        exit,
     }
 }
 

@@ -19,8 +19,7 @@ use super::api;
 use super::broadcast::Broadcast;
 use super::log::Line;
 use super::scripts::RunDefinition;
-use super::world::SimulatedRobot;
-use crate::control::Run;
+use crate::control::{self, Run};
 use crate::http;
 use crate::http::{Access, AccessError, Options};
 use crate::robot::Listener;
@@ -29,8 +28,6 @@ use crate::robot::Listener;
 pub struct WebContext {
     /// The run.
     pub run: Run,
-    /// Its simulated robot, if it has one.
-    pub sim: Option<SimulatedRobot>,
     /// Its scripts and its timetable; they may change.
     pub definition: watch::Receiver<RunDefinition>,
     /// Its events.
@@ -148,13 +145,13 @@ async fn open(
 async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext, options: &Options) {
     let WebContext {
         run,
-        sim,
         definition,
         bus,
         log,
         data,
     } = context;
-    let broadcast = Broadcast::new(run, sim, definition, data, access.clone(), options.viewers);
+    let requests = control::routes(run.clone());
+    let broadcast = Broadcast::new(run, definition, data, access.clone(), options.viewers);
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
     let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(bus)));
     let keeper = broadcast.clone();
@@ -166,6 +163,7 @@ async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext, 
     let router = routes()
         .merge(http::routes(access.clone()))
         .merge(api::routes(broadcast))
+        .merge(requests)
         .layer(middleware::from_fn_with_state(access, http::guard_request));
     http::serve(listener, router).await;
 }

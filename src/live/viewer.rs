@@ -206,6 +206,7 @@ impl Viewer {
 /// Whether the run's clock differs from real time, in which a person cannot drive by hand.
 fn differs_from_real_time(broadcast: &Broadcast) -> bool {
     let sim_clock = broadcast
+        .run
         .sim
         .as_ref()
         .and_then(|sim| sim.sim_clock.as_ref());

@@ -4,30 +4,14 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::control::SimulatedRobot;
 use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
-use crate::simulation::{ClockMode, SimClock};
+use crate::simulation::ClockMode;
 
 /// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
 /// Maximum number of collisions shown: the newest.
 const BUMPS: usize = 30;
-
-/// A simulated robot in this program, and its world.
-pub struct SimulatedRobot {
-    /// The robot and its world.
-    pub robot: Handle,
-    /// Control of its clock, if it has its own.
-    pub sim_clock: Option<SimClock>,
-}
-
-impl From<Handle> for SimulatedRobot {
-    fn from(robot: Handle) -> SimulatedRobot {
-        SimulatedRobot {
-            robot,
-            sim_clock: None,
-        }
-    }
-}
 
 /// The fixed parts of a world, and its initial state.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]

@@ -21,12 +21,12 @@ use super::report::Report;
 use super::topics::{Presence, Topics};
 use crate::agent::BehaviourStatus;
 use crate::clock::until;
-use crate::control::{Change, Next, Run, RunRequest};
+use crate::control::{Change, Run, RunRequest, RunResponse, Start};
+use crate::link;
 use crate::link::Backoff;
 use crate::rate_limit::Budget;
-use crate::robot::{AgentEvent, Bus, BusMessage, DockEnd, DockPlan, Listener, RobotInfo};
+use crate::robot::{AgentEvent, Bus, BusMessage, Listener, RobotInfo};
 use crate::wire::Sound;
-use crate::{control, link};
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
@@ -244,7 +244,7 @@ impl BrokerClient {
             connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
             published.discovery = Some(entities);
         }
-        let next = Next::from_view(&self.run.view.borrow());
+        let next = Start::next(&self.run.view.borrow());
         let state = self
             .report
             .state(&self.run.status.borrow(), &statuses, next.as_ref());
@@ -505,8 +505,6 @@ impl Drop for Mqtt {
 const MAX_TASKS: usize = 8;
 /// Maximum number of commands in progress including stops; another stop would change nothing.
 const MAX_STOPS: usize = 32;
-const UNDOCKING: Duration = Duration::from_secs(15);
-const PICTURE: Duration = Duration::from_secs(5);
 
 pub(super) struct FinishedCommand {
     pub(super) answer: CommandResult,
@@ -604,7 +602,10 @@ const BROKER: &str = "the MQTT broker";
 
 /// Engages STOP, then ends all behaviours.
 async fn stop(run: &Run) -> Done {
-    let stopped = run.engage_stop(BROKER).await.to_string();
+    let stopped = match run.perform(RunRequest::Stop, BROKER).await {
+        RunResponse::Stopped { outcome, .. } => outcome.to_string(),
+        other => return Err(other.error().unwrap_or_default()),
+    };
     match run.end_behaviours().await {
         Ok(()) => Ok(Some(stopped)),
         Err(why) => Err(format!("{stopped}; but {why}")),
@@ -616,42 +617,41 @@ async fn perform(
     command: BrokerCommand,
     chosen: Option<String>,
 ) -> (Done, Option<Vec<u8>>) {
-    let change = Change::Start;
+    let start = |name| RunRequest::Behaviour {
+        name,
+        change: Change::Start,
+        lasts: None,
+    };
     let request = match command {
         BrokerCommand::Stop => return (stop(run).await, None),
-        BrokerCommand::ResetStop => return (run.reset_stop(BROKER).await.map(|()| None), None),
+        BrokerCommand::ResetStop => RunRequest::ResetStop,
         BrokerCommand::Start => match chosen {
-            Some(name) => RunRequest::Behaviour { name, change },
+            Some(name) => start(name),
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
-        BrokerCommand::Run(name) => RunRequest::Behaviour { name, change },
+        BrokerCommand::Run(name) => start(name),
         // The broker client handles this, since it keeps the choice.
         BrokerCommand::Choose(_) => return (Ok(None), None),
-        BrokerCommand::Dock => RunRequest::Dock(DockPlan::default()),
-        BrokerCommand::Undock => RunRequest::Undock(UNDOCKING),
-        BrokerCommand::Locate => RunRequest::Play(Sound::Laser),
-        BrokerCommand::Snapshot => RunRequest::Picture(PICTURE),
+        BrokerCommand::Dock => RunRequest::Dock {
+            seconds: None,
+            retries: None,
+        },
+        BrokerCommand::Undock => RunRequest::Undock { seconds: None },
+        BrokerCommand::Locate => RunRequest::Play {
+            sound: Sound::Laser,
+        },
+        BrokerCommand::Snapshot => RunRequest::Picture { seconds: None },
     };
-    match run.perform(request).await {
-        control::RunResponse::Picture(jpeg) => (Ok(None), Some(jpeg)),
-        answer => (outcome_of(answer), None),
+    let answer = run.perform(request, BROKER).await;
+    if let RunResponse::Picture { jpeg } = answer {
+        return (Ok(None), Some(jpeg));
     }
-}
-
-fn outcome_of(answer: control::RunResponse) -> Done {
-    match answer {
-        control::RunResponse::Docked { end, .. } | control::RunResponse::Undocked(end) => {
-            let words = end.name().replace('_', " ");
-            match end {
-                DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked => Ok(Some(words)),
-                _ => Err(words),
-            }
-        }
-        control::RunResponse::NoPicture => Err("no picture arrived in time".to_owned()),
-        control::RunResponse::Offline => Err("the robot is out of reach".to_owned()),
-        control::RunResponse::Refused(why) => Err(why),
-        _ => Ok(None),
-    }
+    let end = answer.dock_end().map(|end| end.name().replace('_', " "));
+    let done = match answer.error() {
+        None => Ok(end),
+        Some(error) => Err(end.unwrap_or(error)),
+    };
+    (done, None)
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::behaviour::is_failure;
-use crate::control::Next;
+use crate::control::Start;
 use crate::pilot::{LinkState, Status};
 use crate::robot::{AgentEvent, DockEnd};
 use crate::safety::WatchdogState;
@@ -134,7 +134,7 @@ impl Report {
         &self,
         status: &Status,
         statuses: &[BehaviourStatus],
-        next: Option<&Next>,
+        next: Option<&Start>,
     ) -> Value {
         let running: Vec<&str> = statuses
             .iter()
@@ -159,7 +159,7 @@ impl Report {
             "reason": reason,
             "running": running,
             "behaviour": self.chosen(statuses),
-            "next": next.map(|next| next.time().to_string()),
+            "next": next.map(|next| next.at.to_string()),
             "next_behaviour": next.map(|next| &next.behaviour),
         })
     }
@@ -306,8 +306,8 @@ mod tests {
 
     #[test]
     fn the_next_start_has_the_time_format_of_home_assistant() {
-        let next = Next {
-            at: 1_790_000_000,
+        let next = Start {
+            at: jiff::Timestamp::from_second(1_790_000_000).unwrap(),
             behaviour: "patrol".to_owned(),
         };
         let state = Report::default().state(&Status::default(), &[], Some(&next));

@@ -87,7 +87,7 @@ pub struct RunningBehaviours {
 }
 
 /// A running behaviour.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct RunningBehaviour {
     /// Its name for people.
     pub name: String,

@@ -44,7 +44,8 @@ impl std::fmt::Display for StopConfirmation {
 }
 
 /// Whether a STOP will hold in the next program, too.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kept", rename_all = "snake_case")]
 pub enum StopKept {
     /// It will, until a person releases it.
     Yes,
@@ -52,8 +53,11 @@ pub enum StopKept {
     WithProgram,
     /// The disk has not answered in time. STOP holds in this program.
     NotYet,
-    /// It holds in this program only, for this reason.
-    No(String),
+    /// It holds in this program only.
+    No {
+        /// The reason.
+        why: String,
+    },
 }
 
 impl StopKept {
@@ -66,7 +70,7 @@ impl StopKept {
                  answer"
                     .to_owned(),
             ),
-            StopKept::No(why) => Some(format!(
+            StopKept::No { why } => Some(format!(
                 "STOP holds in this program, but NOT in the next one: {why}"
             )),
         }
@@ -74,11 +78,13 @@ impl StopKept {
 }
 
 /// What the one who pressed STOP is told.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct StopOutcome {
     /// What is known of the robot.
+    #[serde(rename = "stop_confirmation")]
     pub confirmation: StopConfirmation,
     /// Whether the next program will hold it too.
+    #[serde(flatten)]
     pub kept: StopKept,
 }
 

@@ -1,10 +1,13 @@
 //! The enumerated values of STREAMCTL, LED and PLAY (`PROTOCOL.md`) and their names in scripts.
 
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 /// Declares an enum of one wire byte with named values, and `Unknown` for all other bytes.
 macro_rules! wire_byte {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $byte:literal, $text:literal;)+ }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum $name {
             $($(#[$variant_doc])* #[doc = concat!("Byte ", stringify!($byte), ", `", $text, "`.")] $variant,)+
             /// A byte that the protocol's table does not list.
@@ -43,6 +46,31 @@ macro_rules! wire_byte {
                     $($byte => $name::$variant,)+
                     other => $name::Unknown(other),
                 }
+            }
+        }
+
+        /// The name in formats that people read, else the byte.
+        impl Serialize for $name {
+            fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                if to.is_human_readable() {
+                    to.serialize_str(self.name())
+                } else {
+                    to.serialize_u8(self.to_byte())
+                }
+            }
+        }
+
+        impl<'de> Deserialize<'de> for $name {
+            fn deserialize<D: Deserializer<'de>>(from: D) -> Result<$name, D::Error> {
+                if !from.is_human_readable() {
+                    return Ok($name::from(u8::deserialize(from)?));
+                }
+                let name = String::deserialize(from)?;
+                $name::from_name(&name).ok_or_else(|| {
+                    let names: Vec<&str> = $name::ALL.iter().map(|value| value.name()).collect();
+                    let shown: String = name.chars().take(40).collect();
+                    D::Error::custom(format_args!("no `{shown}` among: {}", names.join(", ")))
+                })
             }
         }
     };
@@ -108,6 +136,18 @@ mod tests {
             assert_eq!(Led::from(byte).to_byte(), byte);
             assert_eq!(Sound::from(byte).to_byte(), byte);
         }
+    }
+
+    #[test]
+    fn json_has_the_names() {
+        assert_eq!(serde_json::to_string(&Led::Flash).unwrap(), "\"flash\"");
+        let back: Sound = serde_json::from_str("\"bip_2\"").unwrap();
+        assert_eq!(back, Sound::Bip2);
+        let error = serde_json::from_str::<Led>("\"top\"").unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "no `top` among: flash, left, right at line 1 column 5"
+        );
     }
 
     #[test]

@@ -35,11 +35,11 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     let (code, text) = run_spykee(&rig, &["status", "--json"]).await;
     let status = json(&text)[0].clone();
     assert_eq!(
-        (code, status["robot"].as_str()),
+        (code, status["target"].as_str()),
         (Some(0), Some(&*rig.address))
     );
     assert_eq!(status["behaviours"][0]["name"].as_str(), Some("script"));
-    assert_eq!(status["dock_state"].as_str(), Some("off its station"));
+    assert_eq!(status["place"].as_str(), Some("off its station"));
     assert_eq!(status["state"].as_str(), Some("free"));
     assert_eq!(status["battery"]["percent"].as_u64(), Some(90));
     assert_eq!(

@@ -511,8 +511,8 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
         page.until("behaviours", state("idle")).await;
     }
     let from = rig.sim.heard_count();
-    let body = json!({ "change": "start" });
-    assert_eq!(post(&at, "/api/behaviours/script", "", body).await.0, 200);
+    let body = json!({ "name": "script", "change": "start" });
+    assert_eq!(post(&at, "/api/behaviour", "", body).await.0, 200);
     rig.heard_motion(from).await;
     let (status, text) = get(&at, "/api/behaviours/script/script").await;
     let text: Value = serde_json::from_str(&text).unwrap();
@@ -538,8 +538,8 @@ async fn a_live_parameter_changes_within_its_bounds_while_the_script_drives() {
     let turn = |param: &'static str, value: Value| {
         let at = at.clone();
         async move {
-            let body = json!({ "param": param, "value": value });
-            post(&at, "/api/behaviours/script/params", "", body).await
+            let body = json!({ "name": "script", "param": param, "value": value });
+            post(&at, "/api/param", "", body).await
         }
     };
     for (param, value, words) in [

@@ -62,7 +62,7 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     send_command(
         &args.target,
         Command::Led { led, on },
-        RunRequest::Led { led, on },
+        RunRequest::Led { light: led, on },
     )
 }
 
@@ -72,13 +72,17 @@ pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    send_command(&args.target, Command::Play(sound), RunRequest::Play(sound))
+    send_command(
+        &args.target,
+        Command::Play(sound),
+        RunRequest::Play { sound },
+    )
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    send_command(&args.target, command, RunRequest::Volume(percent))
+    send_command(&args.target, command, RunRequest::Volume { percent })
 }
 
 /// Sends a command, directly or through the run that uses the robot.

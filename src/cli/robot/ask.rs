@@ -6,7 +6,7 @@ use super::session::{with_exclusive_session, with_session};
 use super::{SharedTargetArgs, TargetArgs};
 use crate::cli::runs::describe;
 use crate::cli::{Exit, Failure, print};
-use crate::control::Overview;
+use crate::control::RunStatus;
 use crate::robot::Battery;
 use crate::sanitize;
 use crate::wire::{Command, Report, latin1};
@@ -60,12 +60,12 @@ struct Facts {
 
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     if let Some(run) = args.target.find_run()? {
-        let Overview {
+        let RunStatus {
             robot,
             docked,
             battery,
             ..
-        } = run.overview;
+        } = run.status;
         let Some(robot) = robot else {
             return Err(never_connected());
         };
@@ -131,7 +131,7 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
     if let Some(run) = args.target.find_run()? {
-        let battery = run.overview.battery.ok_or_else(never_connected)?;
+        let battery = run.status.battery.ok_or_else(never_connected)?;
         return show_battery(args.json, battery);
     }
     with_session(&args.target, async |session| {

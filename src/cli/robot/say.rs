@@ -46,7 +46,10 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     }
     if let Some(run) = args.target.find_run()? {
         let length = Duration::from_secs_f64(samples.len() as f64 / RATE);
-        return match ask(&run, &RunRequest::Say(samples.to_vec()), length + SLACK)? {
+        let request = RunRequest::Say {
+            samples: samples.to_vec(),
+        };
+        return match ask(&run, &request, length + SLACK)? {
             None => Ok(Exit::Interrupted),
             Some(RunResponse::Done) => Ok(Exit::Done),
             Some(_) => Err(unexpected_reply()),

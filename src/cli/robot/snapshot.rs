@@ -84,9 +84,12 @@ fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failur
     let mut damaged = 0;
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
-        let jpeg = match ask(run, &RunRequest::Picture(left), left + REPLY_TIMEOUT)? {
+        let request = RunRequest::Picture {
+            seconds: Some(left.as_secs_f64().ceil() as u64),
+        };
+        let jpeg = match ask(run, &request, left + REPLY_TIMEOUT)? {
             None => return Ok(None),
-            Some(RunResponse::Picture(jpeg)) => Bytes::from(jpeg),
+            Some(RunResponse::Picture { jpeg }) => Bytes::from(jpeg),
             Some(RunResponse::NoPicture) => return Err(no_picture_in_time(limit, damaged)),
             Some(_) => return Err(unexpected_reply()),
         };

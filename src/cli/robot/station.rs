@@ -58,20 +58,24 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     };
     if let Some(run) = args.target.find_run()? {
         let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
-        return match ask(&run, &RunRequest::Dock(plan), limit)? {
+        let request = RunRequest::Dock {
+            seconds: Some(args.timeout),
+            retries: None,
+        };
+        return match ask(&run, &request, limit)? {
             None => Ok(Exit::Interrupted),
             Some(RunResponse::Docked {
                 end,
                 attempts,
-                took,
+                seconds,
             }) => {
                 let docked = Docked {
                     end,
                     attempts,
-                    took,
+                    took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
                 };
                 show_docked(args.json, docked)?;
-                exit_of(end, run.overview.low)
+                exit_of(end, run.status.low)
             }
             Some(_) => Err(unexpected_reply()),
         };
@@ -105,11 +109,14 @@ fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(args.timeout);
     if let Some(run) = args.target.find_run()? {
-        return match ask(&run, &RunRequest::Undock(limit), limit + SLACK)? {
+        let request = RunRequest::Undock {
+            seconds: Some(args.timeout),
+        };
+        return match ask(&run, &request, limit + SLACK)? {
             None => Ok(Exit::Interrupted),
-            Some(RunResponse::Undocked(end)) => {
+            Some(RunResponse::Undocked { end }) => {
                 show_undocked(args.json, end)?;
-                exit_of(end, run.overview.low)
+                exit_of(end, run.status.low)
             }
             Some(_) => Err(unexpected_reply()),
         };

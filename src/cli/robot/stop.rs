@@ -72,7 +72,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     }
     let config = target.settings.config()?.clone();
     let robot = target.connection.robot.as_ref();
-    let chosen = |run: &control::Overview| robot.is_none_or(|robot| uses_robot(run, robot));
+    let chosen = |run: &control::RunStatus| robot.is_none_or(|robot| uses_robot(run, robot));
     let stopped = block_on(async {
         let stopped = control::stop_runs(config.data_folder(), chosen).await;
         let answered = |run: &StoppedRun| matches!(run.answer, StopAnswer::Run { .. });
@@ -91,10 +91,8 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
         unconfirmed.extend(told.unconfirmed);
         if told.stop_directly {
             let mut target = target.clone();
-            target.connection.robot = run
-                .overview
-                .as_ref()
-                .and_then(|run| run.target.parse().ok());
+            let status = run.status.as_ref();
+            target.connection.robot = status.and_then(|status| status.target.parse().ok());
             direct.push(target);
         }
     }
@@ -127,17 +125,14 @@ fn tell(run: &StoppedRun) -> Result<Told, Failure> {
     match &run.answer {
         StopAnswer::Run { outcome, ends } => {
             warn_of(&outcome.kept);
-            if run
-                .overview
-                .as_ref()
-                .is_some_and(|run| run.low && !run.docked)
-            {
+            let status = run.status.as_ref();
+            if status.is_some_and(|status| status.low && !status.docked) {
                 tracing::warn!(
                     "the battery is low: `spykee robot reset-stop`, then `spykee robot dock` sends \
                      the robot to its station"
                 );
             }
-            let simulated = run.overview.as_ref().is_some_and(|run| run.simulated);
+            let simulated = status.is_some_and(|status| status.simulated);
             let words = outcome.confirmation;
             if *ends && simulated {
                 print("stopped: the simulated robot ends with its run\n")?;
@@ -200,7 +195,9 @@ async fn keep_stop(config: &Config) -> StopKept {
         kept
     });
     match timeout(KEEP_TIMEOUT, keeping).await {
-        Ok(kept) => kept.unwrap_or_else(|error| StopKept::No(error.to_string())),
+        Ok(kept) => kept.unwrap_or_else(|error| StopKept::No {
+            why: error.to_string(),
+        }),
         Err(_) => StopKept::NotYet,
     }
 }
@@ -365,7 +362,7 @@ fn runs(data: &Path, target: &SharedTargetArgs) -> Result<Vec<Client>, Failure> 
         tracing::warn!("a run does not answer: STOP holds there until it is released");
     }
     if let Some(robot) = &target.connection.robot {
-        runs.retain(|run| uses_robot(&run.overview, robot));
+        runs.retain(|run| uses_robot(&run.status, robot));
     }
     Ok(runs)
 }

@@ -23,6 +23,7 @@ export function robot(connection, command) {
     ...lamps);
   const bubble = h("p", { class: "bubble", "aria-live": "off" });
   const figures = [h("strong", {}, "0"), h("strong", {}, "0")];
+  const delays = h("p", { class: "note delays", hidden: true });
   let quiet = null;
   let sounds = null;
 
@@ -59,6 +60,12 @@ export function robot(connection, command) {
       speak(`♪ ${state.sound}`);
     }
     sounds = state.sounds;
+    // How late the robot is, unless its program does not answer.
+    delays.hidden = !state.delays;
+    if (state.delays) {
+      const seconds = (time) => `${time.toFixed(2)} s`;
+      say(delays, t("delays", { robot: seconds(state.delays.robot), network: seconds(state.delays.network) }));
+    }
   });
   connection.on("log", ({ lines }) => {
     const last = lines.findLast((line) => line.behaviour && line.level === "info" && line.line);
@@ -79,6 +86,7 @@ export function robot(connection, command) {
       h("dl", { class: "facts" },
         h("dt", {}, t("left")), h("dd", {}, figures[0]),
         h("dt", {}, t("right")), h("dd", {}, figures[1]))),
+    delays,
     h("div", { class: "row lights driver-only" }, ...switches),
     h("div", { class: "row driver-only" },
       h("label", { for: "sound" }, t("sound")), sound,

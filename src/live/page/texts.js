@@ -50,6 +50,7 @@ const TEXTS = {
   camera_never: ["The config keeps the camera off", "Die Konfiguration lässt die Kamera aus", "La configurazione tiene spenta la telecamera"],
   found: ["Mark what scripts find", "Funde der Skripte", "Cosa trovano gli script"],
   enlarge: ["Larger", "Größer", "Più grande"],
+  delays: ["Commands wait {robot} in the robot; {network} through the network and back", "Befehle warten {robot} im Roboter; {network} durchs Netz und zurück", "I comandi attendono {robot} nel robot; {network} in rete, andata e ritorno"],
   fps: ["{fps} pictures per second", "{fps} Bilder pro Sekunde", "{fps} immagini al secondo"],
 
   drive: ["Drive", "Fahren", "Guida"],

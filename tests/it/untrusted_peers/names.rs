@@ -118,12 +118,12 @@ async fn told(uid: &str, behaviour: &str) {
     assert!(!metrics.contains("forged"), "{what}: {metrics}");
     let (_, list) = get(&at, "/api/behaviours").await;
     let list: Value = serde_json::from_str(&list).unwrap();
-    assert_eq!(list[0]["name"], behaviour, "{what}");
+    assert_eq!(list["behaviours"][0]["name"], behaviour, "{what}");
     let (status, answer) = ask(
         &at,
-        "POST /api/behaviours/nobody",
+        "POST /api/behaviour",
         "",
-        "{\"change\":\"stop\"}",
+        "{\"name\":\"nobody\",\"change\":\"stop\"}",
     )
     .await;
     assert_eq!(status, 409, "{what}: {answer}");

@@ -154,9 +154,15 @@ async fn endless_long_or_malformed_bodies_are_refused() {
         ("/api/play", "{\"sound\":\"<script>alert(1)</script>\"}"),
         ("/api/volume", "{\"percent\":101}"),
         ("/api/volume", "{\"percent\":1e99}"),
-        ("/api/behaviours/%2e%2e%2fetc", "{\"change\":\"start\"}"),
-        ("/api/behaviours/%3Cb%3E", "{\"change\":\"start\"}"),
-        ("/api/behaviours/nobody", "{\"change\":\"fly\"}"),
+        (
+            "/api/behaviour",
+            "{\"name\":\"../etc\",\"change\":\"start\"}",
+        ),
+        ("/api/behaviour", "{\"name\":\"<b>\",\"change\":\"start\"}"),
+        ("/api/behaviour", "{\"name\":\"nobody\",\"change\":\"fly\"}"),
+        ("/api/behaviours/nobody", "{\"change\":\"start\"}"),
+        ("/api/dance", "{}"),
+        ("/api/status", "{}"),
         ("/api/login", "{\"token\":\"guess\"}"),
         ("/api/login", "{\"password\":\"guess\"}"),
     ] {
