@@ -25,6 +25,6 @@ pub use request::{Change, MAX_SPEECH, RunRequest};
 pub use response::RunResponse;
 pub use routes::{described, paths, routes};
 pub use run::Run;
-pub use run_status::{BehaviourListing, Exit, RunStatus, Start};
+pub use run_status::{BehaviourListing, RunStatus, Start};
 pub use server::ControlServer;
 pub use world_change::SimulatedRobot;

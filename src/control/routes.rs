@@ -1,6 +1,8 @@
 //! The requests over HTTP: one router for the private socket and the network, and its description
 //! for programs.
 
+use std::fmt;
+
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, FromRequest as _, Query, Request, State};
@@ -9,6 +11,8 @@ use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse as _, Response};
 use axum::routing::any;
 use schemars::{JsonSchema as _, SchemaGenerator};
+use serde::de::{Error as _, MapAccess};
+use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value, json};
 
 use super::request::{MAX_SPEECH, ROUTES, Route, RunRequest, TAG};
@@ -70,9 +74,39 @@ async fn parse(route: &Route, request: Request) -> Result<RunRequest, Refusal> {
         let why = "the content type must be application/json";
         return Err(Refusal::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, why));
     }
-    let fields = serde_json::from_slice(&body)
+    let Fields(fields) = serde_json::from_slice(&body)
         .map_err(|error| Refusal::new(StatusCode::BAD_REQUEST, error.to_string()))?;
     from_fields(route, fields)
+}
+
+/// The fields of a JSON object, each once.
+struct Fields(Map<String, Value>);
+
+impl<'de> Deserialize<'de> for Fields {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Fields, D::Error> {
+        from.deserialize_map(FieldsVisitor)
+    }
+}
+
+struct FieldsVisitor;
+
+impl<'de> serde::de::Visitor<'de> for FieldsVisitor {
+    type Value = Fields;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut from: A) -> Result<Fields, A::Error> {
+        let mut fields = Map::new();
+        while let Some((name, value)) = from.next_entry::<String, Value>()? {
+            if fields.contains_key(&name) {
+                return Err(A::Error::custom(format_args!("duplicate field `{name}`")));
+            }
+            fields.insert(name, value);
+        }
+        Ok(Fields(fields))
+    }
 }
 
 fn from_fields(route: &Route, fields: Map<String, Value>) -> Result<RunRequest, Refusal> {

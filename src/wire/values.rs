@@ -143,7 +143,7 @@ mod tests {
         assert_eq!(serde_json::to_string(&Led::Flash).unwrap(), "\"flash\"");
         let back: Sound = serde_json::from_str("\"bip_2\"").unwrap();
         assert_eq!(back, Sound::Bip2);
-        let error = serde_json::from_str::<Led>("\"top\"").unwrap_err();
+        let error = serde_json::from_value::<Led>("top".into()).unwrap_err();
         assert_eq!(
             error.to_string(),
             "no `top` among: flash, left, right at line 1 column 5"

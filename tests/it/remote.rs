@@ -125,7 +125,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
                 let (_, text) = run_spykee(place, &[&listed[..], more].concat()).await;
                 if text.contains("\"idle\"")
                     && text.contains("cancelled")
-                    && !text.contains("running")
+                    && !text.contains("\"state\":\"running\"")
                 {
                     return;
                 }

@@ -188,7 +188,7 @@ async fn press(way: usize, rig: &Rig, page: &str, broker: Option<&(Broker, Subsc
         _ => {
             let (status, body) = ask(page, "POST /api/stop", "", "{}").await;
             assert_eq!(status, 200, "{body}");
-            assert_contains(&body, &["\"kept\":true", "\"stop_confirmation\":"]);
+            assert_contains(&body, &["\"kept\":\"yes\"", "\"stop_confirmation\":"]);
         }
     }
 }
