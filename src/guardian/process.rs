@@ -473,6 +473,12 @@ impl GuardianProcess {
             return;
         };
         let news = dialled.progress();
+        if news.in_use
+            && let Some(link) = &self.link
+            && !link.is_acknowledged()
+        {
+            link.reset();
+        }
         let happened = [
             (news.connected, DebtEvent::Connected),
             (news.accepted, DebtEvent::Accepted),

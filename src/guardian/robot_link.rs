@@ -8,11 +8,13 @@ use std::time::Duration;
 
 use rustix::event::PollFlags;
 use rustix::io::Errno;
-use rustix::net::{RecvFlags, SendFlags, Shutdown, getpeername, recv, send, shutdown};
+use rustix::net::{
+    RecvFlags, SendFlags, Shutdown, connect_unspec, getpeername, recv, send, shutdown,
+};
 use socket2::{Domain, Protocol, SockRef, Socket, TcpKeepalive, Type};
 
 use crate::socket_outq::unacknowledged;
-use crate::wire::{Decoder, Report};
+use crate::wire::{Decoder, Refusal, Report};
 
 const CHUNK_LEN: usize = 16 * 1024;
 /// The most chunks that are read at a time, so that a flood of data keeps nothing else waiting.
@@ -126,6 +128,13 @@ impl RobotLink {
         self.stream.is_acknowledged()
     }
 
+    /// Ends the connection at once, at the robot too if it is in reach: a robot that believes in it
+    /// refuses other logins.
+    pub(super) fn reset(&self) {
+        // Disconnects whoever else holds the socket. A failure leaves it as it is.
+        let _ = connect_unspec(&self.stream.socket);
+    }
+
     /// What to wait for, besides the end of the connection.
     pub(super) fn interest(&self, reads: bool) -> PollFlags {
         self.stream.interest(reads)
@@ -165,6 +174,8 @@ pub(super) struct DialledNews {
     /// POWER messages after the first.
     pub(super) powers: u32,
     pub(super) failed: bool,
+    /// The robot is used by somebody else, or believes in an old session.
+    pub(super) in_use: bool,
 }
 
 impl DialledLink {
@@ -238,7 +249,10 @@ impl DialledLink {
                         *accepted = true;
                         news.accepted = true;
                     }
-                    Report::Refused(_) => news.failed = true,
+                    Report::Refused(refusal) => {
+                        news.failed = true;
+                        news.in_use = refusal == Refusal::InUse;
+                    }
                     Report::Power(_) if *obeys => news.powers += 1,
                     Report::Power(_) if *accepted => {
                         *obeys = true;
@@ -423,6 +437,19 @@ mod tests {
             }
         };
         assert_eq!((powers, end), (2, End::Closed));
+    }
+
+    #[test]
+    fn a_reset_reaches_a_robot_that_has_not_taken_everything() {
+        let (mut link, mut robot) = pair();
+        assert!(link.write(&vec![7; LONG]));
+        link.reset();
+        robot
+            .set_read_timeout(Some(Duration::from_secs(60)))
+            .unwrap();
+        let error = robot.read_to_end(&mut Vec::new()).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::ConnectionReset);
+        assert!(!link.write(b"more"));
     }
 
     #[test]
