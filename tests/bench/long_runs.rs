@@ -16,6 +16,9 @@ use spykee::sim::Firmware;
 #[path = "../long_runs.rs"]
 #[allow(dead_code)]
 mod long_runs;
+#[path = "../it/mqtt/broker.rs"]
+#[allow(dead_code)]
+mod mqtt;
 #[path = "../it/rig.rs"]
 #[allow(dead_code)]
 mod rig;
@@ -371,6 +374,9 @@ fn run_breaks(args: &StopsArgs) -> bool {
         Outcome::Failed(why) => println!("{case:?}: {why}"),
         Outcome::Never(text) if args.list => println!("{case:?}: never stopped\n{text}"),
         Outcome::Never(_) => println!("{case:?}: never stopped"),
+        Outcome::NotHeld(text) => {
+            println!("{case:?}: STOP does not hold in the next program: {text}")
+        }
     });
     let table = breaks::Table::new(&cases, &outcomes);
     let (played, in_time) = table.count();
