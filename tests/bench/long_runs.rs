@@ -140,7 +140,7 @@ struct StopsArgs {
     /// Seconds for which the robot is out of reach
     #[arg(long, default_values_t = [1, 5, 12, 30])]
     out: Vec<u64>,
-    /// Print what the program wrote where the robot was not stopped
+    /// Print what the program and its guardian wrote where the robot was not stopped
     #[arg(long)]
     list: bool,
 }

@@ -202,7 +202,7 @@ const TOPIC: &str = "spykee/SPYKEE0001";
 pub enum Outcome {
     /// So long after it was in reach again; zero if before.
     After(Duration),
-    /// Not while it was watched; what the program wrote.
+    /// Not while it was watched; what the program and its guardian wrote.
     Never(String),
     /// STOP was answered as kept, and does not hold in the next program; what that one wrote.
     NotHeld(String),
@@ -348,7 +348,10 @@ async fn play(case: &Case, network: Option<&Network>) -> Outcome {
     if let Err(why) = ended {
         return Outcome::Failed(format!("{why}: {}", started.run.text()));
     }
-    let outcome = watch(&robot, moved, reach, &started.run).await;
+    let outcome = match watch(&robot, moved, reach).await {
+        Some(after) => Outcome::After(after),
+        None => Outcome::Never(written(&started.run, folder.path())),
+    };
     match (case.end, outcome) {
         (End::StopKilled, Outcome::After(after)) => held(&robot, folder.path(), after).await,
         (_, outcome) => outcome,
@@ -378,16 +381,21 @@ async fn held(robot: &Robot, folder: &Path, after: Duration) -> Outcome {
     }
 }
 
-/// Waits until the robot has been stopped, and stays there.
-async fn watch(robot: &Robot, moved: usize, reach: Instant, run: &Run) -> Outcome {
+/// What the program and its guardian have written.
+fn written(run: &Run, folder: &Path) -> String {
+    let guardian = std::fs::read_to_string(folder.join("spykee-data/guardian.log"));
+    format!("{}\n{}", run.text(), guardian.unwrap_or_default())
+}
+
+/// Waits until the robot has been stopped, and stays there; returns how long that took, `None` if it
+/// still drives.
+async fn watch(robot: &Robot, moved: usize, reach: Instant) -> Option<Duration> {
     sleep_until(reach + STANDS).await;
     while reach.elapsed() < WATCH && robot.stopped_at(moved).is_none() {
         sleep(POLL).await;
     }
-    match robot.stopped_at(moved) {
-        Some(at) => Outcome::After(at.saturating_duration_since(reach)),
-        None => Outcome::Never(run.text()),
-    }
+    let at = robot.stopped_at(moved)?;
+    Some(at.saturating_duration_since(reach))
 }
 
 impl Outage {
