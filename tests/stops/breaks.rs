@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
 use std::os::fd::AsFd as _;
 use std::path::Path;
 use std::process::Stdio;
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -222,7 +223,7 @@ struct Robot {
 impl Robot {
     fn serve(network: Option<&Network>) -> Robot {
         let namespace = network.map(|network| network.namespace("robot"));
-        let listen = network.map_or("127.0.0.1:0", |_| ROBOT).parse().unwrap();
+        let listen = network.map_or_else(own_address, |_| ROBOT.parse().unwrap());
         let (told, ready) = mpsc::channel();
         let (end, ended) = oneshot::channel();
         let thread = std::thread::spawn(move || {
@@ -275,6 +276,13 @@ impl Drop for Robot {
             let _ = thread.join();
         }
     }
+}
+
+/// A loopback address of its own: another robot may not get the port of one that is out of reach.
+fn own_address() -> SocketAddr {
+    static COUNT: AtomicU16 = AtomicU16::new(1);
+    let [high, low] = COUNT.fetch_add(1, Ordering::Relaxed).to_be_bytes();
+    SocketAddr::from(([127, 1, high, low], 0))
 }
 
 /// Moves this thread, and what it starts, into a network namespace.
