@@ -92,6 +92,11 @@ pub enum FaultKind {
     },
     /// Every login is refused.
     RefuseLogin(Refusal),
+    /// The robot's program takes this long for each command, and executes one after another.
+    SlowProgram {
+        /// Time for each command.
+        period: Duration,
+    },
     /// Another user takes over the robot for a while.
     TakeOver,
     /// The station cannot be found.

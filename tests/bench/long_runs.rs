@@ -16,6 +16,9 @@ use spykee::sim::Firmware;
 #[path = "../long_runs.rs"]
 #[allow(dead_code)]
 mod long_runs;
+#[path = "../it/mqtt/broker.rs"]
+#[allow(dead_code)]
+mod mqtt;
 #[path = "../it/rig.rs"]
 #[allow(dead_code)]
 mod rig;
@@ -137,7 +140,7 @@ struct StopsArgs {
     /// Seconds for which the robot is out of reach
     #[arg(long, default_values_t = [1, 5, 12, 30])]
     out: Vec<u64>,
-    /// Print what the program wrote where the robot was not stopped
+    /// Print what the program and its guardian wrote where the robot was not stopped
     #[arg(long)]
     list: bool,
 }
@@ -371,6 +374,9 @@ fn run_breaks(args: &StopsArgs) -> bool {
         Outcome::Failed(why) => println!("{case:?}: {why}"),
         Outcome::Never(text) if args.list => println!("{case:?}: never stopped\n{text}"),
         Outcome::Never(_) => println!("{case:?}: never stopped"),
+        Outcome::NotHeld(text) => {
+            println!("{case:?}: STOP does not hold in the next program: {text}")
+        }
     });
     let table = breaks::Table::new(&cases, &outcomes);
     let (played, in_time) = table.count();

@@ -4,8 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Handle, ReceivedCommand};
+use spykee::sim::{Fault, Firmware, Handle, Options, ReceivedCommand, Server};
 use spykee::wire::Command;
+use tokio::io::DuplexStream;
 use tokio::time::timeout;
 
 use super::sim::*;
@@ -186,6 +187,50 @@ async fn a_slow_robot_executes_one_command_a_period_in_order_and_answers_then() 
     client.send(STAND).await;
     let last = executed(&handle, 7).await.pop().unwrap();
     assert_eq!(last.received, last.at);
+}
+
+/// Sends so many commands; returns for how long each waited, in ms.
+async fn waits(handle: &Handle, client: &mut Client<DuplexStream>, count: usize) -> Vec<u128> {
+    let from = handle.heard_count();
+    client.send(&STAND.repeat(count)).await;
+    let last = timeout(LIMIT, handle.wait_heard(from + count - 1, |_| true)).await;
+    assert_eq!(last, Ok(from + count - 1));
+    let heard = handle.heard_since(from);
+    let waited = heard.iter().map(|heard| heard.at - heard.received);
+    waited.map(|waited| waited.as_millis()).collect()
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_program_that_is_slow_for_a_while_is_as_fast_as_before_afterwards() {
+    let fault = "faults: [{ fault: slow_program, commands_per_second: 2, after: 1, for: 10 }]";
+    for usual in [None, Some(5.0)] {
+        let options = Options {
+            faults: Some(Fault::list_from_yaml(fault, "slow").unwrap()),
+            firmware: Firmware {
+                commands_per_second: usual,
+                ..Firmware::default()
+            },
+            ..Options::default()
+        };
+        let server = Server::detached(free_playpen(), options);
+        let handle = server.handle();
+        tokio::spawn(server.run());
+        let mut client = connect(&handle).log_in().await;
+        let before = waits(&handle, &mut client, 3).await;
+        tokio::time::sleep(Duration::from_secs(1)).await;
+        assert_eq!(waits(&handle, &mut client, 3).await, [0, 500, 1000]);
+        // What still waits at its end, of work for a minute, is executed at the usual pace.
+        let waited = waits(&handle, &mut client, 120).await;
+        assert!(
+            waited.last().is_some_and(|last| *last < 35_000),
+            "{waited:?}"
+        );
+        tokio::time::sleep(Duration::from_secs(1)).await;
+        let after = waits(&handle, &mut client, 3).await;
+        let period = usual.map_or(0, |rate| (1000.0 / rate) as u128);
+        assert_eq!(before, [0, period, 2 * period]);
+        assert_eq!(after, before);
+    }
 }
 
 #[tokio::test(start_paused = true)]

@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{SocketAddr, TcpStream};
 use std::os::fd::AsFd as _;
 use std::path::Path;
 use std::process::Stdio;
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -24,6 +25,7 @@ use tokio::time::{Instant, sleep, sleep_until, timeout};
 
 use super::super::{begin_fault, in_parallel};
 use super::network::{Network, ROBOT};
+use crate::mqtt::{Broker, Subscriber};
 use crate::rig::{QUIET_WORLD, Run, moves};
 
 /// How a run ends.
@@ -52,6 +54,10 @@ pub enum End {
     Page,
     /// `spykee robot stop` beside the run.
     RobotStop,
+    /// STOP by a message of the MQTT broker, whose own link does not break.
+    Broker,
+    /// STOP through the API, and killed up to 50 ms after the answer: STOP holds in the next program.
+    StopKilled,
 }
 
 impl End {
@@ -67,8 +73,13 @@ impl End {
         })
     }
 
-    /// Starts the run that will end like this.
-    fn start(self, folder: &Path, robot: &str) -> (Run, Option<std::process::ChildStdin>) {
+    /// Whether a service is ended like this, and no run.
+    fn is_of_a_service(self) -> bool {
+        matches!(self, End::Page | End::Broker | End::StopKilled)
+    }
+
+    /// Starts the run that will end like this; fails if there is no broker.
+    async fn start(self, folder: &Path, robot: &str) -> Result<Started, String> {
         let (drives, wait) = ("robot.move(40, -40)", DRIVE.as_secs_f64());
         let script = match self.ending() {
             Some(ending) => format!("{drives} task.wait({wait}) {ending}\n"),
@@ -78,21 +89,62 @@ impl End {
         let limit = DRIVE.as_secs().to_string();
         let mut args = match self {
             End::Repl => vec!["repl"],
-            End::Page => vec!["serve", "--config", "spykee.yaml"],
+            end if end.is_of_a_service() => vec!["serve", "--config", "spykee.yaml"],
             End::For => vec!["run", "drive.lua", "--for", &limit],
             _ => vec!["run", "drive.lua"],
         };
-        if self == End::Page {
-            std::fs::write(folder.join("spykee.yaml"), SERVICE).unwrap();
+        let mqtt = match self {
+            End::Broker => Some(Mqtt::start().await?),
+            _ => None,
+        };
+        if self.is_of_a_service() {
+            let broker = mqtt.as_ref().map(|mqtt| mqtt.broker.config());
+            let config = format!("{SERVICE}{}", broker.unwrap_or_default());
+            std::fs::write(folder.join("spykee.yaml"), config).unwrap();
         }
         args.extend(["--robot", robot]);
-        if self != End::Repl {
-            return (Run::start(&args, folder, Stdio::null(), &[]), None);
+        let stdin = match self {
+            End::Repl => Stdio::piped(),
+            _ => Stdio::null(),
+        };
+        let mut run = Run::start(&args, folder, stdin, &[]);
+        let mut input = run.take_input();
+        if let Some(input) = &mut input {
+            input.write_all(format!("{drives}\n").as_bytes()).unwrap();
         }
-        let mut run = Run::start(&args, folder, Stdio::piped(), &[]);
-        let mut input = run.take_input().unwrap();
-        input.write_all(format!("{drives}\n").as_bytes()).unwrap();
-        (run, Some(input))
+        Ok(Started { run, input, mqtt })
+    }
+}
+
+/// A run, the input of its prompt, and the broker that its config names.
+struct Started {
+    run: Run,
+    input: Option<std::process::ChildStdin>,
+    mqtt: Option<Mqtt>,
+}
+
+/// A broker, and a person's client there.
+struct Mqtt {
+    broker: Broker,
+    person: Subscriber,
+}
+
+impl Mqtt {
+    async fn start() -> Result<Mqtt, String> {
+        let broker = Broker::start().ok_or("mosquitto is not installed")?;
+        let person = Subscriber::connect(&broker).await;
+        Ok(Mqtt { broker, person })
+    }
+
+    /// Waits until the service is there.
+    async fn wait_for_service(&self) {
+        let connection = format!("{TOPIC}/connection");
+        self.person.wait_for_text(0, &connection, "ONLINE").await;
+    }
+
+    async fn send_stop(&self) {
+        let command = format!("{TOPIC}/command");
+        self.person.publish(&command, "stop", false).await;
     }
 }
 
@@ -137,16 +189,24 @@ const POLL: Duration = Duration::from_millis(20);
 /// So long after the first byte that was lost, the system gives up a connection: the default of the
 /// config's `link: { dead_after }`.
 const DEAD_AFTER: Duration = Duration::from_secs(3);
+/// So soon after the answer to a STOP the program is killed, at the latest.
+const KILLED_WITHIN: Duration = Duration::from_millis(50);
+/// The exit code of a program that a kept STOP does not let start.
+const HELD: i32 = 5;
 /// A driving run sends something at least so often.
 const REPEATS: Duration = Duration::from_millis(500);
+/// The robot's topic at a broker.
+const TOPIC: &str = "spykee/SPYKEE0001";
 
 /// Whether the robot was stopped.
 #[derive(Debug, Clone)]
 pub enum Outcome {
     /// So long after it was in reach again; zero if before.
     After(Duration),
-    /// Not while it was watched; what the program wrote.
+    /// Not while it was watched; what the program and its guardian wrote.
     Never(String),
+    /// STOP was answered as kept, and does not hold in the next program; what that one wrote.
+    NotHeld(String),
     /// The case could not be played.
     Failed(String),
 }
@@ -163,7 +223,7 @@ struct Robot {
 impl Robot {
     fn serve(network: Option<&Network>) -> Robot {
         let namespace = network.map(|network| network.namespace("robot"));
-        let listen = network.map_or("127.0.0.1:0", |_| ROBOT).parse().unwrap();
+        let listen = network.map_or_else(own_address, |_| ROBOT.parse().unwrap());
         let (told, ready) = mpsc::channel();
         let (end, ended) = oneshot::channel();
         let thread = std::thread::spawn(move || {
@@ -218,6 +278,13 @@ impl Drop for Robot {
     }
 }
 
+/// A loopback address of its own: another robot may not get the port of one that is out of reach.
+fn own_address() -> SocketAddr {
+    static COUNT: AtomicU16 = AtomicU16::new(1);
+    let [high, low] = COUNT.fetch_add(1, Ordering::Relaxed).to_be_bytes();
+    SocketAddr::from(([127, 1, high, low], 0))
+}
+
 /// Moves this thread, and what it starts, into a network namespace.
 fn enter(namespace: &std::fs::File) {
     move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network)).unwrap();
@@ -238,11 +305,18 @@ impl Drop for Guardian {
 async fn play(case: &Case, network: Option<&Network>) -> Outcome {
     let robot = Robot::serve(network);
     let folder = tempfile::tempdir().unwrap();
-    let (run, mut input) = case.end.start(folder.path(), &robot.address);
+    let mut started = match case.end.start(folder.path(), &robot.address).await {
+        Ok(started) => started,
+        Err(why) => return Outcome::Failed(why),
+    };
+    let run = &started.run;
     let ready = async {
         let moved = robot.sim.wait_heard(0, moves).await;
         while run.guardian().is_none() {
             sleep(POLL).await;
+        }
+        if let Some(mqtt) = &started.mqtt {
+            mqtt.wait_for_service().await;
         }
         moved
     };
@@ -273,27 +347,63 @@ async fn play(case: &Case, network: Option<&Network>) -> Outcome {
         }
         Instant::now().max(given_up)
     };
+    let killed_after = rng.random_range(Duration::ZERO..KILLED_WITHIN);
     let ending = async {
         sleep_until(ends).await;
-        bring_about(case.end, &run, &mut input, folder.path()).await
+        bring_about(case.end, &mut started, folder.path(), killed_after).await
     };
     let (reach, ended) = tokio::join!(breaking, ending);
     if let Err(why) = ended {
-        return Outcome::Failed(format!("{why}: {}", run.text()));
+        return Outcome::Failed(format!("{why}: {}", started.run.text()));
     }
-    watch(&robot, moved, reach, &run).await
+    let outcome = match watch(&robot, moved, reach).await {
+        Some(after) => Outcome::After(after),
+        None => Outcome::Never(written(&started.run, folder.path())),
+    };
+    match (case.end, outcome) {
+        (End::StopKilled, Outcome::After(after)) => held(&robot, folder.path(), after).await,
+        (_, outcome) => outcome,
+    }
 }
 
-/// Waits until the robot has been stopped, and stays there.
-async fn watch(robot: &Robot, moved: usize, reach: Instant, run: &Run) -> Outcome {
+/// Presses STOP through the API, and kills the program so long after its answer.
+async fn stop_and_kill(run: &Run, after: Duration) -> Result<(), String> {
+    let page = page(run)?;
+    let answered = tokio::task::spawn_blocking(move || post_stop(&page)).await;
+    let answer = answered.map_err(|error| error.to_string())?;
+    sleep(after).await;
+    run.signal(Signal::KILL);
+    match answer.contains("\"kept\":true") {
+        true => Ok(()),
+        false => Err(format!("STOP is not answered as kept: {answer}")),
+    }
+}
+
+/// Whether the STOP of a program that was killed holds in the next one.
+async fn held(robot: &Robot, folder: &Path, after: Duration) -> Outcome {
+    let args = ["run", "drive.lua", "--for", "1", "--robot", &robot.address];
+    let mut next = Run::start(&args, folder, Stdio::null(), &[]);
+    match next.code().await {
+        Some(HELD) => Outcome::After(after),
+        _ => Outcome::NotHeld(next.text()),
+    }
+}
+
+/// What the program and its guardian have written.
+fn written(run: &Run, folder: &Path) -> String {
+    let guardian = std::fs::read_to_string(folder.join("spykee-data/guardian.log"));
+    format!("{}\n{}", run.text(), guardian.unwrap_or_default())
+}
+
+/// Waits until the robot has been stopped, and stays there; returns how long that took, `None` if it
+/// still drives.
+async fn watch(robot: &Robot, moved: usize, reach: Instant) -> Option<Duration> {
     sleep_until(reach + STANDS).await;
     while reach.elapsed() < WATCH && robot.stopped_at(moved).is_none() {
         sleep(POLL).await;
     }
-    match robot.stopped_at(moved) {
-        Some(at) => Outcome::After(at.saturating_duration_since(reach)),
-        None => Outcome::Never(run.text()),
-    }
+    let at = robot.stopped_at(moved)?;
+    Some(at.saturating_duration_since(reach))
 }
 
 impl Outage {
@@ -311,12 +421,19 @@ impl Outage {
 /// Ends the run, if its script does not do that.
 async fn bring_about(
     end: End,
-    run: &Run,
-    input: &mut Option<std::process::ChildStdin>,
+    started: &mut Started,
     folder: &Path,
+    killed_after: Duration,
 ) -> Result<(), String> {
+    let run = &started.run;
     match end {
         End::ScriptReturns | End::ScriptError | End::ScriptStop | End::ScriptLoops | End::For => {}
+        End::Broker => {
+            if let Some(mqtt) = &started.mqtt {
+                mqtt.send_stop().await;
+            }
+        }
+        End::StopKilled => stop_and_kill(run, killed_after).await?,
         End::HostKilled => {
             for host in run.hosts() {
                 kill_process(host, Signal::KILL).map_err(|error| error.to_string())?;
@@ -332,12 +449,9 @@ async fn bring_about(
             sleep(Duration::from_secs(1)).await;
             run.signal(Signal::KILL);
         }
-        End::Repl => drop(input.take()),
+        End::Repl => drop(started.input.take()),
         End::Page => {
-            let text = run.text();
-            let page = text.split_once("the page is at http://");
-            let (_, page) = page.ok_or("there is no page")?;
-            let page = page.split('/').next().unwrap_or_default().to_owned();
+            let page = page(run)?;
             std::thread::spawn(move || post_stop(&page));
         }
         End::RobotStop => {
@@ -352,16 +466,27 @@ async fn bring_about(
     Ok(())
 }
 
-fn post_stop(page: &str) {
+/// The address of its page.
+fn page(run: &Run) -> Result<String, String> {
+    let text = run.text();
+    let page = text.split_once("the page is at http://");
+    let (_, page) = page.ok_or("there is no page")?;
+    Ok(page.split('/').next().unwrap_or_default().to_owned())
+}
+
+/// Presses STOP, and returns what was answered.
+fn post_stop(page: &str) -> String {
     let request = format!(
         "POST /api/stop HTTP/1.1\r\nHost: {page}\r\nContent-Type: application/json\r\n\
-         Content-Length: 2\r\n\r\n{{}}"
+         Connection: close\r\nContent-Length: 2\r\n\r\n{{}}"
     );
+    let mut answer = Vec::new();
     if let Ok(mut stream) = TcpStream::connect(page) {
         let _ = stream.write_all(request.as_bytes());
         let _ = stream.set_read_timeout(Some(WATCH));
-        let _ = stream.read(&mut [0; 1024]);
+        let _ = stream.read_to_end(&mut answer);
     }
+    String::from_utf8_lossy(&answer).into_owned()
 }
 
 /// What came of all cases with one end, one outage and one length.
@@ -370,6 +495,7 @@ pub struct Cell {
     pub played: usize,
     pub late: usize,
     pub never: usize,
+    pub not_held: usize,
     pub failed: usize,
     pub worst: Duration,
 }
@@ -383,22 +509,28 @@ impl Cell {
                 self.worst = self.worst.max(*after);
             }
             Outcome::Never(_) => self.never += 1,
+            Outcome::NotHeld(_) => self.not_held += 1,
             Outcome::Failed(_) => self.failed += 1,
         }
     }
 
     pub fn is_kept(&self) -> bool {
-        self.late + self.never + self.failed == 0
+        self.broken() == 0
+    }
+
+    fn broken(&self) -> usize {
+        self.late + self.never + self.not_held + self.failed
     }
 }
 
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let in_time = self.played - self.late - self.never - self.failed;
+        let in_time = self.played - self.broken();
         let text = format!("{in_time}/{}", self.played);
-        let worst = match (self.never, self.failed) {
-            (0, 0) => format!("{:.1} s", self.worst.as_secs_f64()),
-            (_, 0) => "never".to_owned(),
+        let worst = match (self.never, self.not_held, self.failed) {
+            (0, 0, 0) => format!("{:.1} s", self.worst.as_secs_f64()),
+            (_, 0, 0) => "never".to_owned(),
+            (_, _, 0) => "not held".to_owned(),
             _ => "broken".to_owned(),
         };
         write!(f, "{text} {worst}")
@@ -479,8 +611,7 @@ impl Table {
     /// How many cases were played, and in how many a stop was executed in time.
     pub fn count(&self) -> (usize, usize) {
         let played = self.0.values().map(|cell| cell.played).sum();
-        let bad = |cell: &Cell| cell.late + cell.never + cell.failed;
-        let bad: usize = self.0.values().map(bad).sum();
+        let bad: usize = self.0.values().map(Cell::broken).sum();
         (played, played - bad)
     }
 }

@@ -8,7 +8,9 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::robot::channel::Request;
 use spykee::script;
-use spykee::sim::{BatterySettings, Firmware, Handle, Point, ReceivedCommand, World};
+use spykee::sim::{
+    BatterySettings, Firmware, Handle, Point, ReceivedCommand, TrackSettings, World,
+};
 use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Sound};
 use tokio::time::{sleep, timeout};
@@ -363,9 +365,16 @@ pub struct Patrolled {
     pub collisions: u64,
 }
 
-/// Plays a patrol of ten minutes.
+/// Plays a patrol of ten minutes, of a robot whose tracks and first direction come from the seed.
 pub fn patrol(speed: Option<f64>, seed: u64) -> Patrolled {
-    let world = Driver::Patrol.world();
+    let mut world = Driver::Patrol.world();
+    world.tracks = TrackSettings {
+        unequal: 0.03,
+        slip: 0.02,
+    };
+    if let Some(start) = &mut world.start {
+        start.heading_degrees = StdRng::seed_from_u64(seed).random_range(-180.0..180.0);
+    }
     simulation::run(
         world,
         options(speed, seed),

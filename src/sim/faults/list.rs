@@ -69,6 +69,7 @@ enum Name {
     PowerGarbage,
     Reboot,
     RefuseLogin,
+    SlowProgram,
     TakeOver,
     BaseNotFound,
     NoCharge,
@@ -105,6 +106,8 @@ pub(super) struct Entry {
     bytes: Option<f64>,
     #[serde(default, deserialize_with = "some_percent")]
     percent: Option<f64>,
+    #[serde(default, deserialize_with = "some_commands_per_second")]
+    commands_per_second: Option<f64>,
     #[serde(default, deserialize_with = "number::span")]
     after: f64,
     #[serde(default, rename = "for", deserialize_with = "some_span")]
@@ -131,6 +134,7 @@ optional! {
     some_span = span;
     some_bytes = bytes;
     some_percent = percent;
+    some_commands_per_second = commands_per_second;
 }
 
 impl Name {
@@ -146,6 +150,7 @@ impl Name {
             Name::PowerJumps => &["percent", "for"],
             Name::Reboot => &["state", "for"],
             Name::RefuseLogin => &["reason", "for"],
+            Name::SlowProgram => &["commands_per_second", "for"],
             Name::DockLost => &["seconds", "for"],
             Name::HugeFrames
             | Name::TruncatedFrames
@@ -170,6 +175,7 @@ impl Entry {
             ("jitter", self.jitter.is_some()),
             ("bytes", self.bytes.is_some()),
             ("percent", self.percent.is_some()),
+            ("commands_per_second", self.commands_per_second.is_some()),
             ("for", self.lasts.is_some()),
         ];
         let known = self.fault.keys();
@@ -252,6 +258,9 @@ impl Entry {
                 Some(Reason::Password) => Refusal::WrongPassword,
                 Some(Reason::Busy) | None => Refusal::InUse,
             }),
+            Name::SlowProgram => FaultKind::SlowProgram {
+                period: Duration::from_secs_f64(1.0 / self.commands_per_second.unwrap_or(5.0)),
+            },
             Name::TakeOver => FaultKind::TakeOver,
             Name::BaseNotFound => FaultKind::BaseNotFound,
             Name::NoCharge => FaultKind::NoCharge,
@@ -304,6 +313,10 @@ mod tests {
         assert_eq!(faults[0], expected);
         assert_eq!(faults[1].kind, FaultKind::LengthLie { claim: Some(0) });
         assert_eq!(faults[1].towards, Direction::Client);
+        let faults = read("faults: [{fault: slow_program, commands_per_second: 2, for: 3}]");
+        let period = Duration::from_millis(500);
+        assert_eq!(faults[0].kind, FaultKind::SlowProgram { period });
+        assert_eq!(faults[0].timing.lasts, Some(seconds(3)));
     }
 
     #[test]
@@ -353,6 +366,11 @@ mod tests {
                 "faults: [{fault: drop, chance: .nan}]",
                 "f.yaml:1:32: ",
                 "1 is always",
+            ),
+            (
+                "faults: [{fault: slow_program, commands_per_second: 0}]",
+                "f.yaml:1:53: ",
+                "0.1 to 1000",
             ),
             ("faults: 3", "f.yaml:1:9: ", "expected a sequence"),
         ] {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::Instant;
 
 use crate::sim::body::firmware::Firmware;
@@ -27,28 +27,49 @@ pub(crate) struct QueuedCommand {
 }
 
 pub(crate) struct CommandQueue {
-    /// Time per command; `None` for a robot that executes everything at once.
+    /// Time per command of the firmware; `None` if it executes everything at once.
+    usual_period: Option<Duration>,
+    /// Time per command now.
     period: Option<Duration>,
     waiting: VecDeque<QueuedCommand>,
     places: Arc<Semaphore>,
+    places_now: watch::Sender<Option<Arc<Semaphore>>>,
     /// When the program is ready for the next command.
     ready: Instant,
 }
 
 impl CommandQueue {
     pub(crate) fn new(firmware: &Firmware, now: Instant) -> CommandQueue {
+        let period = (firmware.commands_per_second).map(|rate| Duration::from_secs_f64(1.0 / rate));
+        let places = Arc::new(Semaphore::new(firmware.queue.unwrap_or(UNLIMITED)));
         CommandQueue {
-            period: (firmware.commands_per_second).map(|rate| Duration::from_secs_f64(1.0 / rate)),
+            usual_period: period,
+            period,
             waiting: VecDeque::new(),
-            places: Arc::new(Semaphore::new(firmware.queue.unwrap_or(UNLIMITED))),
+            places_now: watch::Sender::new(period.map(|_| places.clone())),
+            places,
             ready: now,
         }
     }
 
     /// The free places, of which a connection takes one for each command before it reads on;
-    /// `None` if every command is executed at once.
-    pub(crate) fn places(&self) -> Option<Arc<Semaphore>> {
-        self.period.map(|_| self.places.clone())
+    /// `None` while every command is executed at once.
+    pub(crate) fn places(&self) -> watch::Receiver<Option<Arc<Semaphore>>> {
+        self.places_now.subscribe()
+    }
+
+    /// From now on the program takes at least this long for each command.
+    pub(crate) fn slow_down(&mut self, period: Duration) {
+        self.period = self.usual_period.max(Some(period));
+        self.places_now.send_replace(Some(self.places.clone()));
+    }
+
+    /// The program is as fast as usual again.
+    pub(crate) fn recover(&mut self, now: Instant) {
+        self.period = self.usual_period;
+        self.ready = self.ready.min(now + self.period.unwrap_or_default());
+        let places = self.period.map(|_| self.places.clone());
+        self.places_now.send_replace(places);
     }
 
     pub(crate) fn push(&mut self, command: QueuedCommand) {

@@ -50,8 +50,8 @@ pub(crate) struct Channels {
     pub(crate) muted: watch::Receiver<bool>,
     /// Counts the reads of all connections.
     pub(crate) writes: Arc<AtomicU64>,
-    /// The free places in the queue of a robot that executes commands slowly.
-    pub(crate) places: Option<Arc<Semaphore>>,
+    /// The free places in the queue of a robot while it executes commands slowly.
+    pub(crate) places: watch::Receiver<Option<Arc<Semaphore>>>,
     pub(crate) cut: CancellationToken,
 }
 
@@ -145,7 +145,8 @@ impl Channels {
     /// Passes the commands of one read to the server: all at once, or, to a robot that executes
     /// them slowly, each as soon as its queue has a place. A login does not wait for a place.
     async fn pass_on(&self, write: u64, opened: bool, commands: Vec<Command>) -> Result<(), Ended> {
-        let Some(places) = &self.places else {
+        let places = self.places.borrow().clone();
+        let Some(places) = places else {
             return self.send(write, opened, commands, None).await;
         };
         for command in commands {

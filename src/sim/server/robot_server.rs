@@ -233,6 +233,11 @@ impl RobotServer {
                         self.robot.reboot();
                     }
                 }
+                FaultKind::SlowProgram { period } if begins => self.queue.slow_down(period),
+                FaultKind::SlowProgram { .. } => {
+                    self.queue.recover(Instant::now());
+                    self.execute_due();
+                }
                 FaultKind::TakeOver => self.hand_over(begins),
                 FaultKind::RefuseLogin(refusal) => {
                     self.refusing = if begins { Some(refusal) } else { None };

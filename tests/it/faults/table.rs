@@ -88,6 +88,8 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "retries until the login succeeds; requests made meanwhile are dropped", robot::is_let_in_again, Drives;
     "refused: wrong password", "{fault: refuse_login, reason: password, for: 1.5}, {fault: drop}",
         "a robot that has accepted the password before is retried; the script continues", robot::is_let_in_again, Drives;
+    "a program that is slow for a while", "{fault: slow_program, commands_per_second: 4, for: 4}",
+        "commands are sent only as fast as they are executed; the script drives on", network::drives_on, Drives;
     "a second user takes over", "{fault: take_over, for: 1.5}",
         "the script receives `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
     "no battery level", "{fault: no_power}",
