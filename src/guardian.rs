@@ -17,8 +17,7 @@
 //! ends; it gives the guardian the rest of a partly written message. Only a person's STOP for an
 //! agent that hangs is the guardian's own.
 //!
-//! It has a link from the robot's acceptance of the login on, until the last words of a lost one
-//! are delivered.
+//! It has a link from the robot's acceptance of the login on, until that link is lost.
 
 mod client;
 mod dead_man;

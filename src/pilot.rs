@@ -17,18 +17,17 @@ mod silence;
 mod status;
 mod throttle;
 
-use std::pin::pin;
 use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::sync::{mpsc, watch};
-use tokio::time::{Instant, timeout_at};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{Executes, Incoming, LinkError, Writer, close_gracefully};
+use crate::link::{Confirmation, Executes, Incoming, LinkError, Writer, hang_up};
 use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
@@ -42,8 +41,8 @@ pub use self::connection::Connector;
 use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
 use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
-use self::debt::{Answered, Debt, DebtAction};
-use self::outputs::{EmergencyStopState, QuietHours, Restrictions, tell_guardian};
+use self::debt::{Debt, DebtAction};
+use self::outputs::{EmergencyStopState, QuietHours, Restrictions};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
@@ -79,6 +78,24 @@ const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
 const FAILED_EVERY: Duration = Duration::from_secs(600);
 /// How often the same ENGINE report is logged.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
+
+/// The end of a run.
+#[derive(Debug)]
+struct Ending {
+    /// When it is over at the latest.
+    until: Instant,
+    /// When the robot was asked whether it has executed the last stop.
+    asked: Option<Instant>,
+}
+
+impl Ending {
+    fn new(now: Instant) -> Ending {
+        Ending {
+            until: now + DELIVERY,
+            asked: None,
+        }
+    }
+}
 
 /// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
@@ -141,6 +158,7 @@ pub struct Pilot {
     quiet_hours: QuietHours,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
+    ending: Option<Ending>,
     /// Why attempts to connect have failed, and when each reason was last logged.
     failed: Repeats<String>,
     /// Present in real time only.
@@ -187,6 +205,7 @@ impl Pilot {
             sounding: None,
             quiet_hours: QuietHours::default(),
             released: false,
+            ending: None,
             failed: Repeats::new(FAILED_EVERY),
             heartbeat: None,
             bus: Bus::default(),
@@ -206,8 +225,8 @@ impl Pilot {
         self.bus = bus;
     }
 
-    /// Connects, serves and reconnects until told to close. Then waits up to [`DELIVERY`] for a
-    /// link if a stop is owed, and for the answer of the robot's program; returns how far the last
+    /// Connects, serves and reconnects until told to close. Then goes on for up to [`DELIVERY`]: for
+    /// a link if a stop is owed, and for the answer of the robot's program. Returns how far the last
     /// stop has come.
     ///
     /// # Errors
@@ -227,12 +246,17 @@ impl Pilot {
             self.renew_last_words(),
         );
         let mut motion_stopped = false;
-        loop {
+        while !self.is_over(&connection) {
             self.store_last_words(&mut connection);
             let deadline = self.next_deadline();
+            let end = self.ending.as_ref().map(|ending| ending.until);
             let turn = tokio::select! {
                 biased;
-                () = shutdown.close_link.cancelled() => break,
+                () = until(end) => break,
+                () = shutdown.close_link.cancelled(), if self.ending.is_none() => {
+                    self.ending = Some(Ending::new(Instant::now()));
+                    self.serve_last(&mut requests)
+                }
                 () = shutdown.stop_motion.cancelled(), if !motion_stopped => {
                     motion_stopped = true;
                     self.handle(Fact::RunEnding)
@@ -249,15 +273,19 @@ impl Pilot {
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
-            let served = served.and_then(|()| self.apply_restrictions());
-            if let Err(lost) = served.and_then(|()| self.check_execution()) {
-                self.handle_link_lost(&lost, &mut connection);
-            }
-            self.tell_motion();
-            self.publish();
+            self.end_turn(served, &mut connection);
         }
-        self.serve_last(&mut requests);
         Ok(self.close(connection).await)
+    }
+
+    fn end_turn(&mut self, served: Result<(), LinkLost>, connection: &mut Connection) {
+        let served = served.and_then(|()| self.apply_restrictions());
+        let served = served.and_then(|()| self.send_last());
+        if let Err(lost) = served.and_then(|()| self.check_execution()) {
+            self.handle_link_lost(&lost, connection);
+        }
+        self.tell_motion();
+        self.publish();
     }
 
     fn next_deadline(&mut self) -> Option<Instant> {
@@ -309,13 +337,15 @@ impl Pilot {
     }
 
     /// Serves the requests that the behaviours sent before `close_link` was cancelled.
-    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
+    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
-            if requests.is_empty() || self.serve_waiting(requests).is_err() {
-                return;
+            if requests.is_empty() {
+                break;
             }
+            self.serve_waiting(requests)?;
         }
+        Ok(())
     }
 
     /// Drains what has arrived while this task, or the whole machine, slept before it evaluates
@@ -336,7 +366,7 @@ impl Pilot {
     fn execution_deadline(&mut self) -> Option<Instant> {
         let now = Instant::now();
         let writer = self.writer.as_mut()?;
-        let debt = self.debt.next_deadline(writer.executes(now), now);
+        let debt = self.debt.next_deadline(now);
         let stalled = writer.overdue_since().map(|since| since + STALL);
         let stalled = if self.executes_nothing { None } else { stalled };
         debt.into_iter().chain(stalled).min()
@@ -350,15 +380,14 @@ impl Pilot {
             return Ok(());
         };
         let executes = writer.executes(now);
-        let answered = Answered {
-            moving: self.watchdog.is_robot_moving(),
-            executes,
-            executed: writer.is_executed(),
-            // Costs a system call.
-            acknowledged: executes == Executes::NoAnswer && writer.is_acknowledged(),
-        };
         let overdue = writer.overdue_since();
-        match self.debt.poll(answered, now) {
+        let confirmation = if self.debt.is_asked() {
+            writer.confirmation(now)
+        } else {
+            Confirmation::NotYet
+        };
+        let moving = self.watchdog.is_robot_moving();
+        match self.debt.poll(moving, confirmation, now) {
             Some(DebtAction::Ask) => writer.ask(now)?,
             Some(DebtAction::Stop) => self.send(&[Command::STOP])?,
             Some(DebtAction::Paid(how)) => {
@@ -494,21 +523,11 @@ impl Pilot {
             ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
             ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
             ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            ConnectionEvent::Accepted(socket) => self.watch_login(socket)?,
-            ConnectionEvent::Ended(delivery) => {
-                debug!("at the end of a link: {delivery}");
-                if delivery == Delivery::Executed {
-                    self.debt.forgive();
-                    self.tell_guardian_of_debt();
-                }
-                // Closes the old connection, even if a stop is owed: a robot that still believes in it
-                // refuses other logins.
-                self.release_guardian();
-            }
+            ConnectionEvent::Accepted(login) => self.watch_login(login),
             ConnectionEvent::Failed(error) => {
                 // If the robot had accepted the login, the last words were sent.
                 self.release_guardian();
-                if self.info.is_none() {
+                if self.info.is_none() && self.ending.is_none() {
                     return Err(ConnectionEventError::First(error));
                 }
                 self.log_failed_attempt(&error.to_string());
@@ -544,15 +563,15 @@ impl Pilot {
         };
         self.writer = Some(writer);
         self.set_route(peer, login);
-        let watched = self.watch_link();
+        self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
         self.executes_nothing = false;
         self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
-        let mut lost = watched
-            .and(self.handle(Fact::LinkUp { docked, power }))
+        let mut lost = self
+            .handle(Fact::LinkUp { docked, power })
             .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
@@ -561,14 +580,14 @@ impl Pilot {
             lost = lost.and(self.report(report));
         }
         lost?;
-        self.ask_after_login()?;
+        self.ask()?;
         self.apply_streams(true)?;
         self.sound_alarm()
     }
 
-    /// The first questions measure how fast the robot executes; their answers also show that the
-    /// stop of the login is executed.
-    fn ask_after_login(&mut self) -> Result<(), LinkLost> {
+    /// Asks whether everything is executed, after a login and at the end. The answers also measure
+    /// how fast the robot executes.
+    fn ask(&mut self) -> Result<(), LinkLost> {
         let now = Instant::now();
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -718,16 +737,20 @@ impl Pilot {
 
     // The end of a link, and of the run.
 
-    /// Handles a lost link: the last words are tried without blocking, and the connection completes
-    /// them. The guardian keeps the link until then.
+    /// Handles a lost link: the last words are tried without blocking. If a stop is owed, the next
+    /// login delivers it; a robot that still believes in this link would refuse that, so the guardian
+    /// does not keep it open.
     fn handle_link_lost(&mut self, lost: &LinkLost, connection: &mut Connection) {
         self.store_last_words(connection);
+        let reader = connection.disconnect();
         let Some(mut writer) = self.writer.take() else {
-            return connection.disconnect(None);
+            return;
         };
         writer.send_last_words();
-        tell_guardian(&mut self.heartbeat, &writer);
-        connection.disconnect(Some(writer));
+        if let Some(reader) = reader {
+            tokio::spawn(hang_up(reader, writer));
+        }
+        self.release_guardian();
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
         } else {
@@ -736,6 +759,9 @@ impl Pilot {
         self.minutes_left.forget();
         self.debt.link_lost();
         self.lost_at = Some(Instant::now());
+        if let Some(ending) = &mut self.ending {
+            ending.asked = None;
+        }
         let acts = self.watchdog.handle(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
@@ -744,38 +770,69 @@ impl Pilot {
         self.sessions.tell_all(&Event::Disconnected { reason });
     }
 
-    /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
-    /// link when that is confirmed, or [`DELIVERY`] is over.
-    async fn close(mut self, mut connection: Connection) -> Delivery {
-        let until = Instant::now() + DELIVERY;
-        self.settle(&mut connection, until).await;
-        let stopped = self.handle(Fact::RunEnding);
-        let off = self.sessions.streams_off();
-        if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
-            warn!("at the end: {lost}");
+    /// At the end, once a link is there: ends the run's motion (see [`Fact::RunEnding`]), switches
+    /// the streams off, and asks whether that is executed.
+    fn send_last(&mut self) -> Result<(), LinkLost> {
+        let now = Instant::now();
+        let Some(ending) = &mut self.ending else {
+            return Ok(());
+        };
+        if self.writer.is_none() || ending.asked.is_some() {
+            return Ok(());
         }
-        self.store_last_words(&mut connection);
-        let owed = self.owes_stop();
-        let delivery = match (self.writer.take(), connection.into_reader()) {
-            (Some(writer), Some(reader)) => {
-                let limit = until.saturating_duration_since(Instant::now());
-                let limit = limit.max(SHORTEST_DELIVERY);
-                self.beat_during(close_gracefully(reader, writer, limit))
-                    .await
+        ending.asked = Some(now);
+        ending.until = ending.until.max(now + SHORTEST_DELIVERY);
+        self.handle(Fact::RunEnding)?;
+        let off = self.sessions.streams_off();
+        self.send(&off)?;
+        if let Some(writer) = &mut self.writer {
+            writer.drop_audio();
+        }
+        self.ask()
+    }
+
+    /// Whether the run is ending and waits for nothing more: on a link, for the last stop to be
+    /// confirmed; without one, for one on which a stop that is owed can be sent, or for a login that
+    /// the robot has accepted, since before its first POWER it obeys no stop.
+    fn is_over(&mut self, connection: &Connection) -> bool {
+        match (&self.ending, &mut self.writer) {
+            (None, _) => false,
+            (Some(ending), Some(writer)) => {
+                let confirmation = writer.confirmation(Instant::now());
+                ending.asked.is_some() && confirmation >= Confirmation::Acknowledged
             }
-            _ if owed => Delivery::OutOfReach,
-            _ => Delivery::Offline,
+            (Some(_), None) => !self.owes_stop() && !connection.is_logging_in(),
+        }
+    }
+
+    /// How far the last stop has come.
+    fn last_delivery(&mut self) -> Delivery {
+        let now = Instant::now();
+        let is_owed = self.owes_stop();
+        let Some(writer) = &mut self.writer else {
+            return if is_owed {
+                Delivery::OutOfReach
+            } else {
+                Delivery::Offline
+            };
         };
-        let delivery = if owed || !delivery.is_owed() {
-            delivery
-        } else {
-            Delivery::NotDriving
-        };
-        let is_guarded = self
-            .heartbeat
-            .as_mut()
-            .and_then(Heartbeat::guardian)
-            .is_some();
+        let asked = self.ending.as_ref().and_then(|ending| ending.asked);
+        match writer.confirmation(now) {
+            Confirmation::Executed => Delivery::Executed,
+            Confirmation::Acknowledged | Confirmation::Received => Delivery::Acknowledged,
+            Confirmation::NotYet if is_owed => Delivery::NotConfirmed {
+                after: now - asked.unwrap_or(now),
+            },
+            Confirmation::NotYet => Delivery::NotDriving,
+        }
+    }
+
+    /// Closes the link, or leaves it to the guardian if the last stop is not confirmed.
+    async fn close(mut self, mut connection: Connection) -> Delivery {
+        self.store_last_words(&mut connection);
+        let delivery = self.last_delivery();
+        let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
+        let is_guarded = guardian.is_some_and(|guardian| guardian.is_answering());
         match delivery {
             Delivery::Executed | Delivery::Acknowledged => info!("{delivery}"),
             Delivery::Offline if self.info.is_none() => debug!("never connected"),
@@ -786,54 +843,19 @@ impl Pilot {
             ),
             Delivery::NotConfirmed { .. } | Delivery::OutOfReach => warn!("{delivery}"),
         }
-        // What is not confirmed is left to the guardian.
-        if !delivery.is_owed() {
+        if is_guarded && connection.is_logging_in() {
+            connection.abandon_login();
+        } else if !delivery.is_owed() {
             self.debt.forgive();
             self.tell_guardian_of_debt();
             self.release_guardian();
+            if let Some(writer) = self.writer.take()
+                && let Some(reader) = connection.disconnect()
+            {
+                hang_up(reader, writer).await;
+            }
         }
         delivery
-    }
-
-    /// Without a link, waits at most `until` then: for one on which a stop that is owed can be sent,
-    /// and for a login that the robot has accepted, since before its first POWER it obeys no stop.
-    async fn settle(&mut self, connection: &mut Connection, until: Instant) {
-        self.store_last_words(connection);
-        while self.writer.is_none() && (self.owes_stop() || connection.is_unsettled()) {
-            let next = timeout_at(until, connection.next());
-            let Ok(event) = self.beat_during(next).await else {
-                if self
-                    .heartbeat
-                    .as_mut()
-                    .and_then(Heartbeat::guardian)
-                    .is_some()
-                {
-                    connection.abandon_login();
-                }
-                return;
-            };
-            if let Err(error) = self.handle_event(event) {
-                warn!("at the end: {error}");
-            }
-            self.store_last_words(connection);
-        }
-    }
-
-    /// Keeps the heartbeat going during `work`, so that the guardian does not act yet.
-    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
-        let mut work = pin!(work);
-        loop {
-            let due = self.heartbeat.as_ref().map(Heartbeat::due);
-            tokio::select! {
-                biased;
-                done = &mut work => return done,
-                () = until(due) => {
-                    if let Some(heartbeat) = &mut self.heartbeat {
-                        heartbeat.beat(Instant::now());
-                    }
-                }
-            }
-        }
     }
 
     // What is published on the bus. Nothing here waits for a listener.

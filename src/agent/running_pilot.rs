@@ -30,7 +30,7 @@ use crate::safety::Rescue;
 use crate::script;
 
 /// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(2500);
+const LINK_END: Duration = Duration::from_millis(2800);
 
 /// A pilot that is not launched yet.
 pub struct PilotSetup {

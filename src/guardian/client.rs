@@ -2,8 +2,10 @@
 //! gone or no longer answers. Only the start blocks.
 
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::net::TcpStream;
+use std::os::fd::{AsFd, OwnedFd};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::io::Interest;
@@ -56,7 +58,7 @@ pub struct Guardian {
 
 #[derive(Debug)]
 struct Link {
-    robot: OwnedFd,
+    robot: Arc<TcpStream>,
     login: bool,
 }
 
@@ -109,24 +111,17 @@ impl Guardian {
     }
 
     /// Guards a new link: its socket, and the last words for it.
-    ///
-    /// # Errors
-    /// No descriptor is left to keep the socket: the link must not be used.
-    pub fn watch(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) -> io::Result<()> {
-        self.begin(socket, last_words, false)
+    pub fn watch(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
+        self.begin(socket, last_words, false);
     }
 
     /// Guards a link whose login the robot has accepted, but which obeys only after its first
     /// POWER.
-    ///
-    /// # Errors
-    /// As [`Guardian::watch`].
-    pub fn watch_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) -> io::Result<()> {
-        self.begin(socket, last_words, true)
+    pub fn watch_login(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
+        self.begin(socket, last_words, true);
     }
 
-    fn begin(&mut self, socket: BorrowedFd<'_>, last: Vec<u8>, login: bool) -> io::Result<()> {
-        let robot = socket.try_clone_to_owned()?;
+    fn begin(&mut self, robot: Arc<TcpStream>, last: Vec<u8>, login: bool) {
         // Older answers are about an earlier link.
         self.read_answers();
         self.words = LastWordsData {
@@ -135,7 +130,6 @@ impl Guardian {
         };
         self.link = Some(Link { robot, login });
         self.send_link();
-        Ok(())
     }
 
     /// Sets the rest of a partly written message, and the last words; without a link, too. Sends
@@ -223,7 +217,7 @@ impl Guardian {
             Some(Link { robot, .. }) => (GuardianMessage::Watch(words), Some(robot)),
         };
         if let Some(socket) = &self.socket {
-            let sent = message.send(&socket.fd, robot.map(AsFd::as_fd));
+            let sent = message.send(&socket.fd, robot.map(|robot| robot.as_fd()));
             self.lose_if(sent);
         }
     }

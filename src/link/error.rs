@@ -58,6 +58,9 @@ pub enum LinkError {
         /// The time limit.
         after: Duration,
     },
+    /// The guardian process cannot be given a duplicate of the socket: nothing may drive over it.
+    #[error("no guardian process can watch this link: {0}")]
+    Unguarded(#[source] io::Error),
     /// Any other error of the system.
     #[error("the link failed: {0}")]
     Io(#[source] io::Error),
@@ -83,6 +86,7 @@ impl LinkError {
                 "if this persists, switch the robot off and on again"
             }
             LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
+            LinkError::Unguarded(_) => "close other programs, or raise the limit of open files",
             LinkError::Dead { .. } | LinkError::Io(_) => {
                 "is the robot still in reach of its Wi-Fi?"
             }

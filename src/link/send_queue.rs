@@ -96,6 +96,8 @@ pub(super) struct SendQueue {
     /// Since when none of the offered bytes were accepted.
     stalled: Option<Instant>,
     pace: Pace,
+    /// A setpoint that moves the robot was written.
+    drove: bool,
 }
 
 impl SendQueue {
@@ -228,7 +230,7 @@ impl SendQueue {
     ) -> Bytes {
         self.pace.poll(now);
         self.ask_while_moving(now);
-        let paced = self.pace.admitted(self.urgent.len(), self.paced.len(), now);
+        let paced = self.admitted(now);
         let commands = self.gather(paced);
         if !commands.is_empty() {
             self.stalled = self.stalled.or(Some(now));
@@ -245,6 +247,18 @@ impl SendQueue {
             return Bytes::new();
         }
         self.speech.first().unwrap_or_default()
+    }
+
+    /// How many paced messages may be written now. The first setpoint since the login waits for
+    /// nothing: as far as anyone knows, the robot's queue is empty.
+    fn admitted(&self, now: Instant) -> usize {
+        let moves = |message: &Message| message.kind == CommandKind::Move;
+        let first = match self.paced.iter().position(moves) {
+            Some(place) if !self.drove => place + 1,
+            _ => 0,
+        };
+        let others = self.pace.admitted(self.urgent.len(), self.paced.len(), now);
+        first.max(others)
     }
 
     /// A question that is due takes the place of a waiting MOVE, or goes before it.
@@ -282,7 +296,7 @@ impl SendQueue {
         }
         self.stalled = None;
         self.speech.charge(count, now);
-        if self.urgent() == 0 && self.pace.admitted(0, self.paced.len(), now) == 0 {
+        if self.urgent() == 0 && self.admitted(now) == 0 {
             self.partly_written = self.speech.first().unwrap_or_default();
             self.speech.advance();
             self.pace.wrote(false, now);
@@ -294,6 +308,7 @@ impl SendQueue {
             && let Some(mut message) = self.pop_command()
         {
             self.pace.wrote(message.kind == CommandKind::Question, now);
+            self.drove |= message.kind == CommandKind::Move;
             let out = left.min(message.bytes.len());
             drop(message.bytes.split_to(out));
             left -= out;
@@ -762,6 +777,43 @@ mod tests {
                 "{per_second} a second: {moves} setpoints a second"
             );
         }
+    }
+
+    #[test]
+    fn the_first_setpoint_after_a_login_waits_for_nothing_and_the_next_for_their_pace() {
+        let mut rig = Rig::with_unknown_robot();
+        rig.push(&[Command::STOP]);
+        rig.queue.ask(rig.now);
+        rig.drain();
+        let began = rig.now;
+        for step in 0..60_u32 {
+            rig.now = began + step * 20 * MS;
+            let power = i8::try_from(step).unwrap() + 1;
+            rig.push(&[Command::Move {
+                left: power,
+                right: power,
+            }]);
+            rig.drain();
+            let moves = |command: &&Command| matches!(command, Command::Move { left: 1.., .. });
+            let moves = rig.written().iter().filter(moves).count();
+            // The robot may need 0.8 s for the login's messages and this one.
+            let most = 1 + (step * 20).saturating_sub(500) / 200;
+            assert!((1..=most as usize).contains(&moves), "{moves} at {step}");
+        }
+    }
+
+    #[test]
+    fn a_stop_replaces_the_first_setpoint_of_a_login_too() {
+        let mut rig = Rig::with_unknown_robot();
+        rig.push(&[GO]);
+        rig.push(&[Command::STOP]);
+        rig.drain();
+        assert_eq!(rig.written(), [Command::STOP]);
+        rig.push(&[GO]);
+        rig.drain();
+        rig.push(&[GO]);
+        rig.drain();
+        assert_eq!(rig.written(), [Command::STOP, GO], "the next one waits");
     }
 
     #[test]

@@ -4,8 +4,8 @@
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::os::fd::OwnedFd;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -16,14 +16,12 @@ use tokio::net::tcp::OwnedWriteHalf;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{Executes, LinkError, Options, Reader, Target, Writer, discover};
+use super::writer::Confirmation;
+use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
 pub const MAX_EARLY_REPORTS: usize = 32;
-
-/// How long the last words may take to be acknowledged when a login has failed.
-const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// The longest wait for a TCP connection while a stop is owed: the system repeats a lost request
 /// only after a second.
@@ -73,11 +71,11 @@ pub async fn connect(
     let stream = open_tcp(target, options).await?;
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
-    let direct = duplicate(&stream);
+    let direct = duplicate(&stream).map_err(LinkError::Unguarded)?;
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
     let writer = KeptOpen(Some(writer));
-    let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    let mut writer = Writer::new(Box::new(writer), Some(direct), options.dead_after);
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
     match log_in(reader, writer, peer, login, &supervision, limit).await {
@@ -118,7 +116,7 @@ async fn log_in(
 ) -> Result<Session, LinkError> {
     let mut answers = Answers::default();
     match answers
-        .await_all(&mut reader, &mut writer, login, supervision, limit)
+        .await_all(&mut reader, &mut writer, peer, login, supervision, limit)
         .await
     {
         Ok((accepted, power)) => Ok(Session {
@@ -134,7 +132,7 @@ async fn log_in(
             // The robot has accepted the login, so it may be driving.
             if answers.accepted.is_some() {
                 writer.send_last_words();
-                close_gracefully(reader, writer, DELIVERY_TIMEOUT).await;
+                hang_up(reader, writer).await;
                 supervision.withdraw();
             }
             Err(error)
@@ -155,6 +153,7 @@ impl Answers {
         &mut self,
         reader: &mut Reader,
         writer: &mut Writer,
+        peer: SocketAddr,
         login: &Login,
         supervision: &Supervision,
         limit: Duration,
@@ -170,7 +169,7 @@ impl Answers {
             };
             if waited {
                 writer.arm();
-                supervision.announce(writer);
+                supervision.announce(writer, peer, login);
             }
             if let Some(power) = self.power {
                 writer.write(&[Command::STOP]).await?;
@@ -203,12 +202,23 @@ impl Answers {
     }
 }
 
+/// A login that the robot has accepted; it obeys only after its first POWER.
+#[derive(Debug, Clone)]
+pub struct AcceptedLogin {
+    /// A duplicate of the socket.
+    pub socket: Arc<std::net::TcpStream>,
+    /// The robot's address.
+    pub peer: SocketAddr,
+    /// How it was logged in to.
+    pub login: Login,
+}
+
 /// A caller's hold on a login in progress. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Supervision {
     last_words: watch::Receiver<Vec<Command>>,
     hurried: bool,
-    accepted: watch::Sender<Option<OwnedFd>>,
+    accepted: watch::Sender<Option<AcceptedLogin>>,
 }
 
 impl Supervision {
@@ -227,9 +237,9 @@ impl Supervision {
         Supervision { hurried, ..self }
     }
 
-    /// A duplicate of the socket from the robot's acceptance of the login on, for a process that
-    /// sends the last words if this one cannot; `None` again when the login has failed.
-    pub fn accepted(&self) -> watch::Receiver<Option<OwnedFd>> {
+    /// The login from the robot's acceptance on, for a process that sends the last words if this one
+    /// cannot; `None` again when the login has failed.
+    pub fn accepted(&self) -> watch::Receiver<Option<AcceptedLogin>> {
         self.accepted.subscribe()
     }
 
@@ -238,17 +248,21 @@ impl Supervision {
     }
 
     /// The robot has accepted the login of this link.
-    pub(super) fn announce(&self, writer: &Writer) {
-        let socket = writer.socket();
-        if let Some(socket) = socket.and_then(|socket| socket.try_clone_to_owned().ok()) {
-            self.accepted.send_replace(Some(socket));
+    pub(super) fn announce(&self, writer: &Writer, peer: SocketAddr, login: &Login) {
+        if let Some(socket) = writer.socket() {
+            let login = login.clone();
+            self.accepted.send_replace(Some(AcceptedLogin {
+                socket,
+                peer,
+                login,
+            }));
         }
     }
 
     /// The link has ended, and its last words were sent.
     pub(super) fn withdraw(&self) {
         self.accepted
-            .send_if_modified(|socket| socket.take().is_some());
+            .send_if_modified(|login| login.take().is_some());
     }
 }
 
@@ -294,9 +308,10 @@ fn set_options(stream: &TcpStream, dead_after: Duration) -> io::Result<()> {
     socket.set_tcp_user_timeout(Some(dead_after))
 }
 
-/// Duplicates the socket, for writes outside a runtime.
-pub(super) fn duplicate(stream: &TcpStream) -> Option<std::net::TcpStream> {
-    SockRef::from(stream).try_clone().ok().map(Into::into)
+/// Duplicates the socket, for writes outside a runtime and for the guardian process.
+fn duplicate(stream: &TcpStream) -> io::Result<Arc<std::net::TcpStream>> {
+    let duplicate = SockRef::from(stream).try_clone()?;
+    Ok(Arc::new(duplicate.into()))
 }
 
 /// How long the robot may take to close its half, once it has acknowledged everything.
@@ -354,29 +369,18 @@ impl fmt::Display for Delivery {
     }
 }
 
-/// How long the program of a robot that answers no question may take to execute what its system has
-/// acknowledged.
-const UNSEEN_EXECUTION: Duration = Duration::from_secs(1);
 /// How often to check whether the robot's system has acknowledged everything.
 const RECHECK: Duration = Duration::from_millis(10);
 
 /// Ends a connection: asks the robot's program whether it has executed what was sent, and waits up to
-/// `limit` for the answer, reading on meanwhile, because closing a socket with unread data resets the
-/// connection and discards what is not acknowledged. Queued speech is dropped. Send the last words
-/// before. If they are not confirmed, the socket is not shut down, so that another process may
-/// continue with its duplicate, and the writer's drop sends them again.
+/// `limit` for the answer. Queued speech is dropped. Send the last words before. If they are not
+/// confirmed, the writer's drop sends them again.
 pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
     writer.drop_audio();
     let delivery = confirm(&mut reader, &mut writer, limit).await;
-    if delivery.is_owed() {
-        return delivery;
+    if !delivery.is_owed() {
+        hang_up(reader, writer).await;
     }
-    let hanging_up = async {
-        writer.shut_down().await;
-        reader.discard().await
-    };
-    // A robot that does not close its half has received everything all the same.
-    let _ = timeout(LINGER, hanging_up).await;
     delivery
 }
 
@@ -389,20 +393,12 @@ async fn confirm(reader: &mut Reader, writer: &mut Writer, limit: Duration) -> D
     let mut reads = true;
     loop {
         let now = Instant::now();
-        let executes = writer.executes(now);
-        if writer.is_executed() {
-            return Delivery::Executed;
-        }
-        let unseen = !matches!(executes, Executes::Every(_)) && writer.is_acknowledged();
-        if unseen && executes == Executes::NoAnswer && now >= began + UNSEEN_EXECUTION {
-            return Delivery::Acknowledged;
-        }
-        if now >= began + limit {
-            return if unseen {
-                Delivery::Acknowledged
-            } else {
-                not_confirmed
-            };
+        match writer.confirmation(now) {
+            Confirmation::Executed => return Delivery::Executed,
+            Confirmation::Acknowledged => return Delivery::Acknowledged,
+            Confirmation::Received if now >= began + limit => return Delivery::Acknowledged,
+            _ if now >= began + limit => return not_confirmed,
+            _ => {}
         }
         tokio::select! {
             biased;
@@ -418,6 +414,17 @@ async fn confirm(reader: &mut Reader, writer: &mut Writer, limit: Duration) -> D
             () = sleep(RECHECK) => {}
         }
     }
+}
+
+/// Closes a connection: the write half first, then, when the robot has closed its half or has had
+/// enough time for that, the read half, because closing a socket with unread data resets the
+/// connection and discards what is not acknowledged.
+pub async fn hang_up(mut reader: Reader, mut writer: Writer) {
+    let hanging_up = async {
+        writer.shut_down().await;
+        reader.discard().await
+    };
+    let _ = timeout(LINGER, hanging_up).await;
 }
 
 /// The write half of a socket. Dropping it does not shut the socket down: another process may have

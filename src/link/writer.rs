@@ -3,8 +3,8 @@
 use std::future::Future;
 use std::io::{self, Write};
 use std::net::TcpStream;
-use std::os::fd::{AsFd, BorrowedFd};
 use std::pin::{Pin, pin};
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use bytes::Bytes;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tokio::sync::watch;
 use tokio::task::coop;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, timeout_at};
 
 use super::LinkError;
 use super::pace::{Delays, Executes};
@@ -20,17 +20,41 @@ use super::send_queue::SendQueue;
 use crate::socket_outq::{round_trip, unacknowledged};
 use crate::wire::{Command, Report};
 
+/// How long the program of a robot that answers no question may take to execute what its system has
+/// acknowledged.
+const UNSEEN_EXECUTION: Duration = Duration::from_secs(1);
+
+/// How far the robot is with what it was sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Confirmation {
+    /// Nothing is known of it.
+    NotYet,
+    /// The robot's system has acknowledged it; its program may still answer.
+    Received,
+    /// The robot's system has acknowledged it, long enough ago; its program answers no question.
+    Acknowledged,
+    /// The robot's program has executed it: it has answered a question that followed it.
+    Executed,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    /// The last question; `None` if the robot answers none.
+    question: Option<u64>,
+    at: Instant,
+}
+
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
 /// [`Writer::send`] and [`Writer::say`] never block: data that the robot does not accept at once is
 /// written while a caller waits for [`Writer::progress`] or [`Writer::written`].
 ///
-/// If dropped without [`Writer::close`], for example by a panic, it sends its last words like
+/// If dropped without [`hang_up`](super::hang_up), for example by a panic, it sends its last words like
 /// [`Writer::send_last_words`].
 pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
     /// A duplicate of the socket: writes without a runtime, in the middle of a panic.
-    direct: Option<TcpStream>,
+    direct: Option<Arc<TcpStream>>,
     queue: SendQueue,
     last_words: Vec<Command>,
     /// During a login: the newest last words, in place of `last_words`.
@@ -39,8 +63,8 @@ pub struct Writer {
     /// The tracks may be on: a drop must send the last words.
     armed: bool,
     unflushed: bool,
-    /// The question whose answer shows that the newest stop is executed.
-    asked: Option<u64>,
+    /// The last [`Writer::ask`].
+    asked: Option<Asked>,
     /// A message was cut, or the rest of a cut one has changed, since [`Writer::progress`] last
     /// returned.
     rest_changed: bool,
@@ -49,7 +73,7 @@ pub struct Writer {
 impl Writer {
     pub(super) fn new(
         io: Box<dyn AsyncWrite + Send + Unpin>,
-        direct: Option<TcpStream>,
+        direct: Option<Arc<TcpStream>>,
         dead_after: Duration,
     ) -> Writer {
         Writer {
@@ -92,8 +116,8 @@ impl Writer {
     }
 
     /// The socket, if there is one; there is none in virtual time.
-    pub fn socket(&self) -> Option<BorrowedFd<'_>> {
-        self.direct.as_ref().map(AsFd::as_fd)
+    pub fn socket(&self) -> Option<Arc<TcpStream>> {
+        self.direct.clone()
     }
 
     /// Sends commands that belong together, in one write if the robot accepts them at once, and
@@ -133,12 +157,13 @@ impl Writer {
     }
 
     /// Asks the robot's program whether it has executed everything that was sent so far: see
-    /// [`Writer::is_executed`].
+    /// [`Writer::confirmation`].
     ///
     /// # Errors
     /// Those of [`Writer::send`].
     pub fn ask(&mut self, now: Instant) -> Result<(), LinkError> {
-        self.asked = self.queue.ask(now);
+        let question = self.queue.ask(now);
+        self.asked = Some(Asked { question, at: now });
         self.write_ready()
     }
 
@@ -151,7 +176,7 @@ impl Writer {
             _ => false,
         };
         if is_answer {
-            let network = self.direct.as_ref().and_then(round_trip);
+            let network = self.direct.as_deref().and_then(round_trip);
             self.queue.pace().answer(network.unwrap_or_default(), now);
         }
     }
@@ -159,8 +184,28 @@ impl Writer {
     /// Whether the robot's program has executed everything that was sent before the last
     /// [`Writer::ask`].
     pub fn is_executed(&mut self) -> bool {
-        let asked = self.asked;
-        asked.is_some_and(|asked| self.queue.pace().is_answered(asked))
+        let question = self.asked.and_then(|asked| asked.question);
+        question.is_some_and(|question| self.queue.pace().is_answered(question))
+    }
+
+    /// How far the robot is with what was sent before the last [`Writer::ask`]. Costs a system call
+    /// for a robot that answers no questions.
+    pub fn confirmation(&mut self, now: Instant) -> Confirmation {
+        let executes = self.executes(now);
+        let Some(asked) = self.asked else {
+            return Confirmation::NotYet;
+        };
+        if self.is_executed() {
+            return Confirmation::Executed;
+        }
+        if matches!(executes, Executes::Every(_)) || !self.is_acknowledged() {
+            return Confirmation::NotYet;
+        }
+        if executes == Executes::NoAnswer && now >= asked.at + UNSEEN_EXECUTION {
+            Confirmation::Acknowledged
+        } else {
+            Confirmation::Received
+        }
     }
 
     /// Whether the robot's program answers questions, and how fast it executes what it is sent.
@@ -182,11 +227,11 @@ impl Writer {
 
     /// Whether everything urgent is written, and the robot's system has acknowledged it, as far as
     /// this computer's system can tell.
-    pub fn is_acknowledged(&self) -> bool {
+    fn is_acknowledged(&self) -> bool {
         if !self.queue.no_urgent_pending() {
             return false;
         }
-        let direct = self.direct.as_ref();
+        let direct = self.direct.as_deref();
         direct
             .and_then(unacknowledged)
             .is_none_or(|bytes| bytes == 0)
@@ -283,9 +328,8 @@ impl Writer {
     }
 
     fn offer(&mut self, now: Instant) -> Bytes {
-        let direct = &self.direct;
-        self.queue
-            .offer(now, || direct.as_ref().and_then(unacknowledged))
+        let direct = self.direct.as_deref();
+        self.queue.offer(now, || direct.and_then(unacknowledged))
     }
 
     fn advance(&mut self, count: usize, now: Instant) -> io::Result<()> {
@@ -335,22 +379,9 @@ impl Writer {
     fn write_now(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &self.direct {
             // Shares the non-blocking mode of the socket it was duplicated from.
-            Some(direct) => (&mut &*direct).write(bytes),
+            Some(direct) => (&mut &**direct).write(bytes),
             None => poll_once(|cx| Pin::new(&mut self.io).poll_write(cx, bytes)),
         }
-    }
-
-    /// Writes the queued commands, and closes the connection, within `dead_after`. Sends no last
-    /// words if that succeeds: stop the tracks first.
-    pub async fn close(mut self) {
-        self.drop_audio();
-        let limit = self.dead_after;
-        let closing = async {
-            self.written().await.ok()?;
-            self.io.shutdown().await.ok()
-        };
-        let closed = timeout(limit, closing).await;
-        self.armed = !matches!(closed, Ok(Some(())));
     }
 }
 

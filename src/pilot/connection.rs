@@ -1,8 +1,7 @@
-//! The read half of the link in all its states: connecting, connected, ending, pausing.
+//! The read half of the link in all its states: connecting, connected, pausing.
 
 use std::future::Future;
 use std::net::SocketAddr;
-use std::os::fd::OwnedFd;
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -12,7 +11,7 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
 use crate::link::{
-    self, Backoff, Delivery, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
+    AcceptedLogin, Backoff, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -22,11 +21,6 @@ type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send
 const HURRIED_PAUSE: Duration = Duration::from_millis(250);
 /// An attempt that began before a stop was owed, and takes longer than this, is given up for another.
 const HURRIED_ATTEMPT: Duration = Duration::from_secs(1);
-
-/// How long the last words of an ended link may take to be confirmed.
-const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
-
-type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
 /// Makes one attempt to connect and log in, over any transport, under this supervision (see
 /// [`connect`](crate::link::connect)).
@@ -47,20 +41,15 @@ pub(super) enum ConnectionEvent {
     Up(Box<NewSession>),
     /// Something from the robot.
     Incoming(Incoming),
-    /// The robot has accepted the login of an attempt, whose socket this is; `None`: that link has
-    /// ended.
-    Accepted(Option<OwnedFd>),
+    /// The robot has accepted the login of an attempt; `None`: that link has ended.
+    Accepted(Option<AcceptedLogin>),
     /// An open link is lost.
     Lost(LinkError),
-    /// The last words of a lost link are delivered, or the time for that is over.
-    Ended(Delivery),
     /// An attempt has failed; another will be made.
     Failed(LinkError),
 }
 
 enum State {
-    /// The last words are being delivered.
-    Delivering(LastDelivery),
     Pausing(Pin<Box<Sleep>>),
     Connecting(Attempt),
     Up(Reader),
@@ -69,8 +58,8 @@ enum State {
 struct Attempt {
     connecting: Connecting,
     began: Instant,
-    /// The socket, once the robot has accepted the login.
-    accepted: watch::Receiver<Option<OwnedFd>>,
+    /// Once the robot has accepted the login.
+    accepted: watch::Receiver<Option<AcceptedLogin>>,
 }
 
 /// The link is unusable: close it and reconnect.
@@ -180,12 +169,6 @@ impl Connection {
         matches!(&self.state, State::Connecting(attempt) if attempt.accepted.borrow().is_some())
     }
 
-    /// Whether the end of the run is to wait: for last words, or for a login that the robot has
-    /// accepted.
-    pub(super) fn is_unsettled(&self) -> bool {
-        matches!(self.state, State::Delivering(_)) || self.is_logging_in()
-    }
-
     /// Leaves a login in progress to the guardian: dropped, it would send its last words before the
     /// robot's first POWER; the robot would disconnect, and might drive on.
     pub(super) fn abandon_login(&mut self) {
@@ -198,11 +181,6 @@ impl Connection {
     pub(super) async fn next(&mut self) -> ConnectionEvent {
         loop {
             match &mut self.state {
-                State::Delivering(delivery) => {
-                    let delivery = delivery.await;
-                    self.schedule_reconnect();
-                    return ConnectionEvent::Ended(delivery);
-                }
                 State::Pausing(_) if self.released => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
                 State::Connecting(attempt) => {
@@ -210,7 +188,8 @@ impl Connection {
                         biased;
                         result = &mut attempt.connecting => result,
                         Ok(()) = attempt.accepted.changed() => {
-                            return ConnectionEvent::Accepted(attempt.socket());
+                            let accepted = attempt.accepted.borrow().clone();
+                            return ConnectionEvent::Accepted(accepted);
                         }
                     };
                     return self.attempt_ended(result);
@@ -236,26 +215,18 @@ impl Connection {
         }
     }
 
-    /// Ends an open link whose last words are with its writer, and reconnects after a pause.
-    pub(super) fn disconnect(&mut self, writer: Option<Writer>) {
-        let none: LastDelivery = Box::pin(std::future::ready(Delivery::Offline));
-        match (
-            std::mem::replace(&mut self.state, State::Delivering(none)),
-            writer,
-        ) {
-            (State::Up(reader), Some(writer)) => {
-                let delivery = link::close_gracefully(reader, writer, DELIVERY_TIMEOUT);
-                self.state = State::Delivering(Box::pin(delivery));
+    /// Ends an open link: returns its read half, and reconnects after a pause.
+    pub(super) fn disconnect(&mut self) -> Option<Reader> {
+        let none = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+        match std::mem::replace(&mut self.state, none) {
+            State::Up(reader) => {
+                self.schedule_reconnect();
+                Some(reader)
             }
-            (State::Up(_), None) => self.schedule_reconnect(),
-            (other, _) => self.state = other,
-        }
-    }
-
-    pub(super) fn into_reader(self) -> Option<Reader> {
-        match self.state {
-            State::Up(reader) => Some(reader),
-            _ => None,
+            other => {
+                self.state = other;
+                None
+            }
         }
     }
 
@@ -292,13 +263,6 @@ impl Connection {
     }
 }
 
-impl Attempt {
-    fn socket(&self) -> Option<OwnedFd> {
-        let socket = self.accepted.borrow();
-        socket.as_ref().and_then(|socket| socket.try_clone().ok())
-    }
-}
-
 fn begin_attempt(
     connector: &mut Connector,
     last_words: &watch::Sender<Vec<Command>>,
@@ -320,6 +284,7 @@ mod tests {
     use tokio::sync::mpsc;
 
     use super::*;
+    use crate::link;
 
     /// A connection to robots that accept each login, and the robots' ends of its links.
     fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {
@@ -360,19 +325,14 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn the_end_of_a_delivery_is_reported_before_the_next_attempt() {
+    async fn a_link_that_has_ended_is_dialled_again_after_a_pause() {
         let (mut connection, mut robots) = connection();
-        let ConnectionEvent::Up(session) = connection.next().await else {
+        let ConnectionEvent::Up(_session) = connection.next().await else {
             panic!("not connected");
         };
         let _robot = robots.recv().await.unwrap();
-        let mut writer = session.writer;
-        writer.send_last_words();
-        connection.disconnect(Some(writer));
-        assert!(connection.is_unsettled());
-        let ended = connection.next().await;
-        assert!(matches!(ended, ConnectionEvent::Ended(_)));
-        assert!(!connection.is_unsettled());
+        assert!(connection.disconnect().is_some());
+        assert!(connection.disconnect().is_none());
         assert!(robots.try_recv().is_err(), "an attempt has begun");
         assert!(matches!(connection.next().await, ConnectionEvent::Up(_)));
     }

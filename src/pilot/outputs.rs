@@ -4,7 +4,6 @@
 //! guardian send to the robot if all else fails.
 
 use std::net::SocketAddr;
-use std::os::fd::{AsFd, OwnedFd};
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -14,7 +13,7 @@ use super::Pilot;
 use super::connection::{Connection, LinkLost};
 use super::core::Heartbeat;
 use crate::guardian::Route;
-use crate::link::Writer;
+use crate::link::{AcceptedLogin, Writer};
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};
 use crate::safety::{Act, Fact, Watchdog};
@@ -271,11 +270,8 @@ impl Pilot {
     /// connection stops connecting.
     pub(super) fn store_last_words(&mut self, connection: &mut Connection) {
         let last_words = self.renew_last_words();
-        // Without a link, too: the guardian dials for a debt. It keeps the rest of a message on a
-        // link that is ending.
-        let ends = connection.is_unsettled() && !connection.is_logging_in();
+        // Without a link, too: the guardian dials for a debt.
         if self.writer.is_none()
-            && !ends
             && let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian)
         {
             guardian.set_last_words(&[], &bytes_of(&last_words));
@@ -297,32 +293,30 @@ impl Pilot {
         last_words
     }
 
-    /// Gives the guardian the socket of a link whose login the robot has accepted, and its last
-    /// words; `None`: that link has ended.
-    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) -> Result<(), LinkLost> {
+    /// Gives the guardian a link whose login the robot has accepted, and its last words; `None`: that
+    /// link has ended.
+    pub(super) fn watch_login(&mut self, accepted: Option<AcceptedLogin>) {
         let last_words = bytes_of(&self.renew_last_words());
-        let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) else {
-            return Ok(());
+        let Some(AcceptedLogin {
+            socket,
+            peer,
+            login,
+        }) = accepted
+        else {
+            return self.release_guardian();
         };
-        match socket {
-            Some(socket) => guardian
-                .watch_login(socket.as_fd(), last_words)
-                .map_err(unguarded),
-            None => {
-                guardian.release();
-                Ok(())
-            }
+        self.set_route(peer, login);
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
+            guardian.watch_login(socket, last_words);
         }
     }
 
-    pub(super) fn watch_link(&mut self) -> Result<(), LinkLost> {
+    pub(super) fn watch_link(&mut self) {
         let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
         if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            let last_words = writer.last_words().1;
-            guardian.watch(socket, last_words).map_err(unguarded)?;
+            guardian.watch(socket, writer.last_words().1);
         }
-        Ok(())
     }
 
     /// Tells the guardian how to reach the robot if this program no longer can.
@@ -357,11 +351,6 @@ fn while_stopped(command: &Command) -> Option<Command> {
         Command::Engine(Engage::Undock) => None,
         other => Some(other.clone()),
     }
-}
-
-/// A link that the guardian cannot keep.
-fn unguarded(error: std::io::Error) -> LinkLost {
-    LinkLost::because(format!("the guardian cannot watch this link: {error}"))
 }
 
 fn disturbs(command: &Command) -> bool {

@@ -177,7 +177,7 @@ impl Pilot {
     /// Releases the link, or reconnects: see [`Request::Release`].
     fn release(&mut self, release: bool) -> Result<(), LinkLost> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
-        let busy = away || !self.sessions.behaviours().is_empty();
+        let busy = away || self.debt.is_owed() || !self.sessions.behaviours().is_empty();
         if release && (busy || self.writer.is_none()) {
             return Ok(());
         }

@@ -43,7 +43,8 @@ pub enum Request {
     /// Forbid everything, the watchdog included, to move the robot; or allow it again.
     EmergencyStop(bool),
     /// Release the link, so that another program can log in, or reconnect. The link is not released
-    /// while a behaviour runs, or while the battery is low and the robot is off its station.
+    /// while a behaviour runs, while a stop is owed, or while the battery is low and the robot is
+    /// off its station.
     Release(bool),
     /// The quiet hours from now on.
     Quiet(Quiet),

@@ -199,6 +199,11 @@ impl DockTracker {
         }
     }
 
+    /// Begins the time for charging anew, if it runs.
+    pub fn excuse_contact(&mut self, now: Instant) {
+        self.charge_due = self.charge_due.map(|_| now + self.charge_timeout);
+    }
+
     /// Handles timeouts. Returns why the robot is no longer believed to be on its station.
     pub fn poll(&mut self, low: bool, now: Instant) -> Option<Contradiction> {
         if self.leaving.is_some_and(|until| until <= now) {

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
-    Priority, SafetyAction, Setpoint, WatchdogState,
+    Percent, Priority, SafetyAction, Setpoint, WatchdogState,
 };
 use crate::wire::{Command, Engage, EngineReport, Power};
 
@@ -57,6 +57,8 @@ pub struct Watchdog {
     online: bool,
     /// A guardian answers, or none is wanted.
     guarded: bool,
+    /// Without a guardian: until then setpoints are held.
+    held_until: Option<Instant>,
     run_ending: bool,
     dock_tracker: DockTracker,
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
@@ -73,6 +75,8 @@ pub struct Watchdog {
     leaving: Option<Leaving>,
     homing: Option<Homing>,
     rescuer: Option<BehaviourId>,
+    /// Since when the robot reports 0 % on its contacts.
+    flat_since: Option<Instant>,
     streaming: bool,
     /// Since when the robot has moved without sending anything, pauses in the motion included.
     silent_motion_since: Option<Instant>,
@@ -87,6 +91,10 @@ impl Watchdog {
     const BACK_OFF_PERCENT: f64 = 30.0;
     /// ... for this long.
     const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
+    /// How long 0 % on the contacts may mean that the battery charges.
+    const FLAT_TIME: Duration = Duration::from_secs(15 * 60);
+    /// How long setpoints are held without a guardian; then they end.
+    const LONGEST_HOLD: Duration = Duration::from_secs(3);
 
     // Construction, facts in, acts out.
 
@@ -99,6 +107,7 @@ impl Watchdog {
             limits,
             online: false,
             guarded: true,
+            held_until: None,
             run_ending: false,
             searching: false,
             may_search: false,
@@ -108,6 +117,7 @@ impl Watchdog {
             leaving: None,
             homing: None,
             rescuer: None,
+            flat_since: None,
             streaming: false,
             silent_motion_since: None,
             ticked: now,
@@ -164,10 +174,12 @@ impl Watchdog {
     /// Advances the time and returns what to do now.
     pub fn poll(&mut self, now: Instant) -> Vec<Act> {
         self.ticked = now;
+        self.check_hold(now);
         self.check_hosts(now);
         self.check_stream(now);
         let over = self.arbiter.expire(now);
         self.tell_ended(over);
+        self.check_flat(now);
         self.check_place(now);
         self.check_power_silence(now);
         self.continue_docking(now);
@@ -184,7 +196,9 @@ impl Watchdog {
             return None;
         }
         let docking = match &self.docking {
-            Some(active) if !self.may_charge() => active.docking.next_deadline(),
+            Some(active) if !self.may_charge() && !self.waits_flat() => {
+                active.docking.next_deadline()
+            }
             _ => None,
         };
         let silence = if self.docked() {
@@ -205,6 +219,8 @@ impl Watchdog {
             self.between_searches()
                 .and_then(|homing| homing.next_deadline(self.ticked)),
             silence,
+            self.held_until,
+            self.flat_deadline(),
             self.battery_monitor.unconfirmed_deadline(),
             docking,
         ]
@@ -279,13 +295,13 @@ impl Watchdog {
     }
 
     /// Why no behaviour, except one that the tracks are granted to, may move the robot now; `None`
-    /// if all may.
+    /// if all may, though their setpoints may be held.
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
         } else if self.run_ending {
             Some(MotionEnd::Cancelled)
-        } else if !self.guarded
+        } else if !(self.guarded || self.held_until.is_some())
             || self.battery_monitor.low().is_some()
             || self.battery_monitor.critical()
         {
@@ -327,7 +343,7 @@ impl Watchdog {
     /// station. True some time before the first grant, so that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
         let off = self.run_ending || self.limits.rescue == Rescue::Off;
-        !off && self.battery_monitor.low().is_some() && !self.docked()
+        !off && self.battery_monitor.low().is_some() && !self.is_in_place()
     }
 
     /// Whether to switch off everything that the way home does not need: the battery is nearly
@@ -351,7 +367,7 @@ impl Watchdog {
         }
         self.online = true;
         self.streaming = false;
-        let low = self.battery_monitor.low().is_some();
+        let low = self.battery_monitor.low().is_some() && !self.is_flat();
         self.dock_tracker.login(docked, low, now);
         self.tracks.note_stop(now);
         self.cancel_earlier_search(now);
@@ -429,11 +445,13 @@ impl Watchdog {
     }
 
     /// Without a guardian nothing drives, because nothing would stop the robot if this program died
-    /// too: all requests end and the tracks stop. A robot with a low battery still searches.
+    /// too: the tracks stop, and dockings and undockings end. Setpoints are held: they move the robot
+    /// again if a guardian answers soon. A robot with a low battery still searches.
     fn set_guarded(&mut self, guarded: bool, now: Instant) {
         if std::mem::replace(&mut self.guarded, guarded) == guarded {
             return;
         }
+        self.held_until = None;
         if guarded {
             let reason = "a guardian process watches again: the robot may move";
             return self.announce(SafetyAction::Release, reason.to_owned());
@@ -444,7 +462,11 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        self.end_motion(MotionEnd::Safety);
+        if self.homing.is_some() {
+            self.end_motion(MotionEnd::Safety);
+        } else {
+            self.held_until = Some(now + Watchdog::LONGEST_HOLD);
+        }
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Safety);
         }
@@ -457,6 +479,12 @@ impl Watchdog {
         self.stop_tracks(now);
         self.dock_tracker.contradict_leaving();
         self.search_at_once(now);
+    }
+
+    fn check_hold(&mut self, now: Instant) {
+        if self.held_until.take_if(|until| *until <= now).is_some() {
+            self.end_motion(MotionEnd::Safety);
+        }
     }
 
     /// Stops all motion. If the watchdog sends the robot home, BASE_FIND is sent again, since the
@@ -570,6 +598,9 @@ impl Watchdog {
         if self.docked() {
             return self.send_home(now);
         }
+        if self.is_flat() {
+            return;
+        }
         if self.docking.is_some() {
             self.search_at_once(now);
         }
@@ -617,7 +648,10 @@ impl Watchdog {
         if !self.online || self.may_charge() {
             return;
         }
-        if let Some(active) = &mut self.docking {
+        let waits = self.waits_flat();
+        if let Some(active) = &mut self.docking
+            && !waits
+        {
             let actions = active.docking.poll(now);
             self.execute_dock_actions(actions, now);
         }
@@ -722,7 +756,7 @@ impl Watchdog {
     // Between two searches.
 
     fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
-        let may_lend = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
+        let may_lend = !self.run_ending && !self.is_in_place() && self.limits.rescue != Rescue::Off;
         let rescuer = if may_lend { self.rescuer } else { None };
         let may_drive = self.may_move_blindly();
         let stuck = end == DockEnd::NotCharging && self.dock_state() == DockState::Unknown;
@@ -807,12 +841,60 @@ impl Watchdog {
 
     /// Whether a blind move is allowed: by the config, off the station, and before the run ends.
     fn may_move_blindly(&self) -> bool {
-        !self.run_ending && self.guarded && !self.docked() && self.limits.blind_moves
+        !self.run_ending && self.guarded && !self.is_in_place() && self.limits.blind_moves
+    }
+
+    /// Whether it is on its station, or has reported contact and not that it has left: it may be on
+    /// its contacts, and no blind move or grant drives it off them.
+    fn is_in_place(&self) -> bool {
+        self.docked() || self.dock_tracker.has_contact()
+    }
+
+    /// Whether it reports 0 % on its contacts. That may mean that it charges: the sign that says so
+    /// cannot be told at 0 (`PROTOCOL.md`, *POWER*).
+    fn is_flat(&self) -> bool {
+        let empty = self.battery_monitor.level().map(Percent::get) == Some(0);
+        empty && self.dock_tracker.has_contact() && !self.dock_tracker.is_leaving()
+    }
+
+    /// Whether it stands on its contacts for as long as it reports 0 %.
+    fn waits_flat(&self) -> bool {
+        let searches = |active: &ActiveDocking| active.docking.is_searching();
+        self.is_flat() && !self.docking.as_ref().is_some_and(searches)
+    }
+
+    fn flat_deadline(&self) -> Option<Instant> {
+        if self.homing.is_none() || self.is_alarming() {
+            return None;
+        }
+        Some(self.flat_since? + Watchdog::FLAT_TIME)
+    }
+
+    /// Leaves a robot that reports 0 % on its contacts there, and calls a person if that lasts.
+    fn check_flat(&mut self, now: Instant) {
+        if !self.is_flat() {
+            self.flat_since = None;
+            return;
+        }
+        self.flat_since.get_or_insert(now);
+        self.dock_tracker.excuse_contact(now);
+        if !self.online || self.flat_deadline().is_none_or(|due| due > now) {
+            return;
+        }
+        if let Some(homing) = &mut self.homing {
+            homing.start_alarm(now);
+        }
+        self.answer_waiting(DockEnd::Safety, now);
+        let minutes = Watchdog::FLAT_TIME.as_secs() / 60;
+        self.announce(
+            SafetyAction::Alarm,
+            format!("battery at 0 % on the station for {minutes} min: it does not charge"),
+        );
     }
 
     /// The way home, while the robot is in reach, off its station, and no docking is under way.
     fn between_searches(&self) -> Option<&Homing> {
-        if self.online && !self.docked() && self.docking.is_none() {
+        if self.online && !self.docked() && !self.is_flat() && self.docking.is_none() {
             self.homing.as_ref()
         } else {
             None
@@ -1289,8 +1371,8 @@ impl Watchdog {
         }
         if self.docking.is_none() {
             let wanted = match self.refusal() {
-                None => self.arbiter.setpoint(),
-                Some(_) => self.homing_setpoint(now),
+                None if self.guarded => self.arbiter.setpoint(),
+                _ => self.homing_setpoint(now),
             };
             self.tracks.want(wanted);
         }

@@ -287,6 +287,25 @@ async fn a_run_that_is_interrupted_during_a_slow_login_leaves_the_stop_to_the_gu
     rests(&rig).await;
 }
 
+/// What the robot did before is not known, and it obeys nothing before its first POWER.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_first_login_that_hangs_is_left_to_the_guardian() {
+    for signal in [Signal::KILL, Signal::STOP, Signal::INT] {
+        let firmware = spykee::sim::Firmware {
+            power_after_login: Duration::from_secs(4),
+            ..Default::default()
+        };
+        let rig = Rig::new(QUIET_WORLD, firmware).await;
+        let run = rig.run(DRIVE);
+        rig.heard(0, |command| matches!(command, Command::Login(_)))
+            .await;
+        guarded_link(&run, &[]).await;
+        let told = rig.sim.heard_count();
+        run.signal(signal);
+        rig.heard_stop(told).await;
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn the_guardian_ignores_signals_to_the_agents_group() {
     let (rig, run) = driving().await;

@@ -114,7 +114,7 @@ async fn nothing_is_sent_before_power_and_the_first_command_is_a_stop() {
 
     session.writer.write(&[GO]).await.unwrap();
     expect(&mut robot, GO_BYTES).await;
-    session.writer.close().await;
+    link::hang_up(session.reader, session.writer).await;
     assert_eq!(robot.read(&mut byte).await.unwrap(), 0);
 }
 

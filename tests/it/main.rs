@@ -29,6 +29,7 @@ mod live;
 #[path = "../long_runs.rs"]
 #[allow(dead_code)]
 mod long_runs;
+mod low_out_of_reach;
 mod metrics;
 mod mqtt;
 mod nearly_empty;

@@ -94,8 +94,7 @@ async fn the_second_user_learns_who_the_first_is_and_can_log_in_after_that_one_l
         matches!(&error, LinkError::InUse { by: Some(user) } if user == "admin"),
         "{error}"
     );
-    first.writer.close().await;
-    drop(first.reader);
+    link::hang_up(first.reader, first.writer).await;
     within_limit(sim.handle.wait_state(|state| state.user.is_none())).await;
     sim.connect(&admin()).await.unwrap();
 }

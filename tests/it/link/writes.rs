@@ -98,7 +98,7 @@ async fn a_write_that_blocks_forever_ends_as_a_dead_link() {
     assert!(matches!(error, LinkError::Dead { .. }), "{error}");
     assert!(began.elapsed() <= Options::default().dead_after * 2);
     let began = tokio::time::Instant::now();
-    watched.session.writer.close().await;
+    link::hang_up(watched.session.reader, watched.session.writer).await;
     assert!(began.elapsed() <= Options::default().dead_after * 2);
 }
 
@@ -192,7 +192,7 @@ async fn a_dropped_writer_stops_the_tracks_and_a_closed_one_sends_nothing() {
 
     let watched = Watched::with_room(1000).await;
     let taken = watched.taken.clone();
-    watched.session.writer.close().await;
+    link::hang_up(watched.session.reader, watched.session.writer).await;
     assert!(taken.lock().unwrap().is_empty());
 }
 

@@ -512,16 +512,64 @@ fn without_a_guardian_nothing_drives_until_one_answers_again() {
     rig.drive(1, None);
     let acts = rig.handle(Fact::Guarded(false));
     assert_eq!(sent(&acts), [Command::STOP]);
-    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
     assert_eq!(safety_actions(&acts), [SafetyAction::Hold]);
-    assert_eq!(rig.dog.refusal(), Some(MotionEnd::Safety));
     assert_eq!(rig.handle(Fact::Guarded(false)), [], "it is known");
+    let acts = rig.pass(Watchdog::LONGEST_HOLD, true);
+    assert_eq!(sent(&acts), []);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(rig.dog.refusal(), Some(MotionEnd::Safety));
     assert_eq!(events(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
     assert_eq!(dock_ended(&rig.dock(3)), Some((DockEnd::Safety, 0)));
     assert_eq!(sent(&rig.pass(SECOND, true)), []);
     let acts = rig.handle(Fact::Guarded(true));
     assert_eq!(safety_actions(&acts), [SafetyAction::Release]);
     assert_eq!(sent(&rig.drive(5, None)), [FORWARD]);
+}
+
+#[test]
+fn setpoints_are_held_without_a_guardian_and_go_on_if_one_answers_soon() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.handle(Fact::Guarded(false));
+    let held = Watchdog::LONGEST_HOLD - SECOND;
+    let acts = rig.pass(held, true);
+    assert_eq!((sent(&acts), events(&acts)), (vec![], vec![]));
+    assert_eq!(rig.dog.refusal(), None);
+    let acts = rig.drive(2, None);
+    assert_eq!(sent(&acts), [], "held, too");
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Preempted)]);
+    assert_eq!(undock_ended(&rig.undock(3)), Some(DockEnd::NotDocked));
+    assert_eq!(dock_ended(&rig.dock(4)), Some((DockEnd::Safety, 0)));
+    assert_eq!(sent(&rig.pass(SECOND / 2, true)), []);
+    assert_eq!(sent(&rig.handle(Fact::Guarded(true))), [FORWARD]);
+    let acts = rig.pass(60 * SECOND, true);
+    assert_eq!(events(&acts), [], "it goes on");
+    assert_eq!(sent(&rig.handle(Fact::Guarded(false))), [Command::STOP]);
+    let acts = rig.pass(60 * SECOND, true);
+    assert_eq!(tracks(&acts), []);
+    assert_eq!(events(&acts), [ended(2, MotionEnd::Safety)]);
+}
+
+#[test]
+fn a_held_setpoint_ends_with_a_low_battery_a_stop_or_a_host_that_falls_silent() {
+    for fact in [
+        Fact::Power(power(20)),
+        Fact::RunEnding,
+        Fact::Gone(WHO),
+        Fact::LinkDown,
+    ] {
+        let mut rig = Rig::online(60);
+        rig.drive(1, None);
+        rig.handle(Fact::Guarded(false));
+        rig.handle(fact.clone());
+        let acts = rig.handle(Fact::Guarded(true));
+        assert!(!sent(&acts).contains(&FORWARD), "{fact:?}");
+    }
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.handle(Fact::Guarded(false));
+    rig.pass(SECOND, false);
+    assert_eq!(sent(&rig.handle(Fact::Guarded(true))), []);
 }
 
 #[test]

@@ -442,3 +442,85 @@ fn time_and_power_of_a_grant_are_settings() {
     let acts = alive(&mut rig, 2000);
     assert_eq!(count(&acts, &FIND), 1);
 }
+
+/// The first minutes of a low robot that reports contact at this level and does not charge, whose
+/// searches find no station.
+fn on_contacts(percent: u8, minutes: u32) -> (Rig, Vec<Act>) {
+    let mut rig = searching(20, Limits::default());
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    let mut acts = Vec::new();
+    for _ in 0..minutes * 6 {
+        acts.extend(rig.handle(Fact::Power(power(percent))));
+        acts.extend(rig.pass(10 * SECOND, false));
+        if rig.dog.state() != WatchdogState::Docked {
+            acts.extend(rig.handle(NOT_FOUND));
+        }
+    }
+    (rig, acts)
+}
+
+#[test]
+fn no_grant_and_no_blind_move_drives_a_low_robot_off_its_contacts() {
+    for percent in [12, 3, 0] {
+        let (mut rig, acts) = on_contacts(percent, 30);
+        assert!(tracks(&acts).iter().all(|one| *one == (0, 0)), "{percent}");
+        let granted = |event: &Event| matches!(event, Event::DriveGrant { .. });
+        assert!(!events(&acts).iter().any(granted), "{percent}");
+        assert_eq!(rig.dog.state(), WatchdogState::Alarm, "{percent}");
+        assert!(!rig.dog.wants_rescue());
+        rig.handle(Fact::Engine(EngineReport::Undocked));
+        rig.handle(Fact::Power(power(percent)));
+        let acts = [rig.handle(NOT_FOUND), rig.pass(SECOND, false)].concat();
+        assert!(events(&acts).iter().any(granted), "off them it helps");
+    }
+}
+
+#[test]
+fn at_no_percent_on_its_contacts_it_waits_for_a_quarter_of_an_hour_and_then_calls_a_person() {
+    let (mut rig, acts) = on_contacts(0, 14);
+    assert_eq!(
+        (sent(&acts), rig.dog.state()),
+        (vec![], WatchdogState::Docked)
+    );
+    let acts = rig.pass(61 * SECOND, false);
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
+    assert_eq!(count(&acts, &Command::Play(Sound::Alarm)), 1);
+    let acts = rig.pass(3600 * SECOND, false);
+    assert_eq!(
+        (count(&acts, &FIND), tracks(&acts)),
+        (0, vec![]),
+        "only the alarm"
+    );
+    rig.handle(Fact::Power(charging(1)));
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+    assert!(!rig.dog.alarm_sounds());
+}
+
+#[test]
+fn a_battery_that_charges_from_no_percent_is_left_alone() {
+    let (mut rig, acts) = on_contacts(0, 10);
+    assert_eq!(sent(&acts), []);
+    let acts = rig.handle(Fact::Power(charging(1)));
+    assert_eq!(reasons(&acts), ["battery at 1 %"]);
+    assert_eq!(sent(&rig.pass(3600 * SECOND, false)), []);
+}
+
+#[test]
+fn lost_links_do_not_begin_the_quarter_of_an_hour_again() {
+    let (mut rig, _) = on_contacts(0, 10);
+    rig.handle(Fact::LinkDown);
+    rig.now += 120 * SECOND;
+    let acts = rig.handle(Fact::LinkUp {
+        docked: true,
+        power: power(0),
+    });
+    assert_eq!(
+        (count(&acts, &FIND), rig.dog.state()),
+        (0, WatchdogState::Docked)
+    );
+    rig.pass(179 * SECOND, false);
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+    rig.pass(2 * SECOND, false);
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
+}

@@ -255,6 +255,10 @@ impl WayHome {
         let Play {
             known, limits, now, ..
         } = moment.play;
+        prop_assert!(
+            !known.on_station || known.told_to_leave,
+            "driven off its contacts"
+        );
         let began = *self.moves.get_or_insert(*now);
         let ends = match self.granted {
             Some((since, _)) => since + limits.rescue_time.get(),
@@ -291,7 +295,7 @@ impl WayHome {
 pub(super) struct LongestWait(Option<Instant>);
 
 impl LongestWait {
-    /// A robot that is low, online and not charging is sent BASE_FIND again within this time.
+    /// A robot that is low, online and not charging, and does not report 0 % on its contacts, is sent BASE_FIND again within this time.
     fn longest(limits: &Limits) -> Duration {
         let moment = Duration::from_secs(1);
         let pause = limits.dock_pause.get().max(moment);
@@ -308,7 +312,8 @@ impl LongestWait {
             now,
             slept,
         } = moment.play;
-        let waits = known.online && known.low && dog.dock_state() != DockState::Charging;
+        let charges = dog.dock_state() == DockState::Charging || dog.is_flat();
+        let waits = known.online && known.low && !charges;
         if !waits || moment.sends(&FIND) {
             self.0 = waits.then_some(*now);
             return Ok(());
