@@ -25,8 +25,8 @@ use crate::{files, http, journal, link, notify, safety, script, yaml};
 
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
-pub use self::logging::{Format, Level, Logging, Time, When};
-pub use self::mqtt::{Mqtt, MqttError, Tls};
+pub use self::logging::{Format, Level, Logging};
+pub use self::mqtt::{Mqtt, MqttError};
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 
@@ -63,8 +63,6 @@ pub struct Config {
     pub service: Service,
     /// The limits of the safety rules.
     pub watchdog: safety::Limits,
-    /// The timeouts of the link.
-    pub link: link::Options,
     /// When the robot's streams are on; `off` forbids them.
     pub streams: Streams,
     /// The resource limits of a script.
@@ -108,7 +106,6 @@ impl Default for Config {
             catch_up: Span::minutes(10),
             service: Service::default(),
             watchdog: safety::Limits::default(),
-            link: link::Options::default(),
             streams: Streams::default(),
             limits: script::Limits::default(),
             calibration: Calibration::default(),
@@ -209,7 +206,7 @@ impl Config {
             limits: self.watchdog.clone(),
             simulated,
             seed,
-            link: self.link.clone(),
+            link: link::Options::default(),
             streams: self.streams,
         }
     }
@@ -258,7 +255,7 @@ impl Config {
             .chain(tokens)
             .chain(&mut config.mqtt.password_file)
             .chain(&mut config.remote.token_file)
-            .chain(&mut config.mqtt.tls.ca_file)
+            .chain(&mut config.mqtt.ca_file)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
         {
@@ -422,8 +419,8 @@ mod tests {
             ("mqtt: broker.local\n", "expected keys with values"),
             ("live: { listen: 7788 }\n", "expected IP:PORT"),
             (
-                "live: { viewers: many }\n",
-                "expected a whole number from 0 at",
+                "journal: { keep_days: many }\n",
+                "expected a whole number of days",
             ),
             ("schedule:\n  - at: */5 * * * *\n", "in quotes"),
             ("robot: a\n\tuser: b\n", "not with tabs"),

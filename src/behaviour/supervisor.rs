@@ -374,7 +374,7 @@ impl Supervisor {
             .map_or(0.0, |liveness| liveness.limit.as_secs_f64());
         let text = format!(
             "{}: showed no life for {limit} s, within one call that cannot be interrupted; make its \
-             work smaller (`watchdog: {{ host_idle_silence: ... }}` is how long it may take)",
+             work smaller",
             self.host.name
         );
         exit(EndReason::Cpu, &text)

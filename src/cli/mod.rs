@@ -59,7 +59,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::config::{Format, Logging};
+use crate::config::{Format, Level};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
@@ -215,9 +215,9 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format, logs: &Logging| {
+    let start_logging = |console: &Console, format, level| {
         report_panics(console.clone());
-        logging::start(console, format, logs);
+        logging::start(console, format, level);
     };
     execute(cli, Console::start, start_logging).into()
 }
@@ -250,7 +250,7 @@ pub fn run_for_test(args: &[&str]) -> TestOutput {
         }
     };
     let err = console::Collected::default();
-    let start_console = |format, logs: &Logging| Console::collecting(err.clone(), format, logs);
+    let start_console = |format| Console::collecting(err.clone(), format);
     COLLECTED_STDOUT.set(Some(String::new()));
     let exit = execute(cli, start_console, logging::start_on_this_thread);
     TestOutput {
@@ -272,8 +272,8 @@ fn exit_of(error: &clap::Error) -> Exit {
 /// Starts console and logging as given, runs the subcommand, and writes its error if it fails.
 fn execute<Guard>(
     cli: Cli,
-    start_console: impl FnOnce(LogFormat, &Logging) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat, &Logging) -> Guard,
+    start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
+    start_logging: impl FnOnce(&Console, LogFormat, Level) -> Guard,
 ) -> Exit {
     // An invalid config is reported by the subcommand that needs it.
     let named = match cli.command {
@@ -288,10 +288,10 @@ fn execute<Guard>(
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
-    let Ok(console) = start_console(format, &logs) else {
+    let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format, &logs);
+    let _logging = start_logging(&console, format, logs.level);
     if let Some(own) = own {
         own.warn_about_variables();
     }

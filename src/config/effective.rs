@@ -115,7 +115,6 @@ impl Effective {
 
     /// Whether another part of the program reads a variable, or sets it for programs that it starts.
     fn is_read_elsewhere(&self, name: &str) -> bool {
-        let mut targets = self.config.notify.targets.values();
         [
             FILE_VARIABLE,
             PASSWORD_VARIABLE,
@@ -125,7 +124,6 @@ impl Effective {
         .contains(&name)
             || notify::PROGRAM_VARIABLES.contains(&name)
             || OTHER_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
-            || targets.any(|target| target.token_env.as_deref() == Some(name))
     }
 
     /// The config file if it was found in the current folder, not named: it may come from anywhere,
@@ -252,8 +250,6 @@ mod tests {
 
     #[test]
     fn variables_that_nothing_reads_are_noted() {
-        let token = "notify: { targets: { phone: { url: 'https://a/{token}', \
-                     token_env: SPYKEE_TOKEN } } }";
         let environment = [
             ("SPYKEE_WATCHDOG_LOW", "25"),
             ("SPYKEE_CONFIG", "a.yaml"),
@@ -264,15 +260,11 @@ mod tests {
             ("SPYKEE_TEST_FLEET", "1"),
             ("SPYKEE_PORT_7788_TCP", "tcp://10.96.0.7:7788"),
             ("SPYKEE_SERVICE_HOST", "10.96.0.7"),
-            ("SPYKEE_TOKEN", "x"),
             ("SPYKEE_USER", ""),
             ("WATCHDOG_LO", "25"),
         ];
-        let effective = load(token, &environment).unwrap();
-        assert_eq!(effective.unread_variables, ["SPYKEE_WATCHDOG_LOW"]);
         let effective = load("", &environment).unwrap();
-        let unread = ["SPYKEE_WATCHDOG_LOW", "SPYKEE_TOKEN"];
-        assert_eq!(effective.unread_variables, unread);
+        assert_eq!(effective.unread_variables, ["SPYKEE_WATCHDOG_LOW"]);
     }
 
     #[test]

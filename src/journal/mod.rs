@@ -33,9 +33,8 @@ pub struct Options {
     #[serde(deserialize_with = "days")]
     #[schemars(range(min = 1, max = 36_500))]
     pub keep_days: u64,
-    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted: 64.
-    #[serde(deserialize_with = "mebibytes")]
-    #[schemars(range(min = 1, max = 65_536))]
+    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted.
+    #[serde(skip)]
     pub max_mib: u64,
 }
 
@@ -73,8 +72,4 @@ pub struct RunInfo {
 
 fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
     whole_within(from, "a whole number of days, 1 to 36500", 1..=36_500)
-}
-
-fn mebibytes<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
-    whole_within(from, "a whole number of MiB, 1 to 65536", 1..=65_536)
 }

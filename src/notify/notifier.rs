@@ -24,6 +24,8 @@ use crate::robot::{Bus, BusMessage, Listener};
 
 /// How long [`Notifier::finish`] waits, after its limit, until the targets' programs are killed.
 const KILL_LIMIT: Duration = Duration::from_secs(1);
+/// The most messages per target and hour; further ones are dropped and counted.
+const MESSAGES_PER_HOUR: f64 = 30.0;
 
 /// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
@@ -76,7 +78,7 @@ impl Notifier {
             queues.push(TargetQueue {
                 name: name.clone(),
                 target: target.clone(),
-                rate_limit: RateLimit::new(options.per_hour),
+                rate_limit: RateLimit::new(),
                 wake,
             });
         }
@@ -254,10 +256,9 @@ struct RateLimit {
 }
 
 impl RateLimit {
-    fn new(per_hour: u64) -> RateLimit {
-        let per_hour = per_hour as f64;
+    fn new() -> RateLimit {
         RateLimit {
-            bucket: TokenBucket::new((per_hour / 3.0).max(1.0), per_hour / 3600.0),
+            bucket: TokenBucket::new(MESSAGES_PER_HOUR / 3.0, MESSAGES_PER_HOUR / 3600.0),
             dropped: 0,
         }
     }
@@ -282,7 +283,7 @@ mod tests {
     #[test]
     fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
         let mut now = Instant::now();
-        let mut rate_limit = RateLimit::new(30);
+        let mut rate_limit = RateLimit::new();
         let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
         assert_eq!(burst.flatten().count(), 10);
         now += HOUR / 30;

@@ -284,8 +284,8 @@ mod tests {
     #[test]
     fn a_config_is_transferred_completely() {
         let text = "robot: 10.0.0.1\npassword_file: secret\n\
-                    watchdog: { low: 25, host_silence: 0.5, rescue: off, host_idle_silence: 7.5 }\n\
-                    link: {}\nstreams: { video: off }\n\
+                    watchdog: { low: 25, host_silence: 0.5, rescue: off }\n\
+                    streams: { video: off }\n\
                     limits: { memory_bytes: 16777216, noise_dbfs: -41.5 }\n\
                     calibration: { full_speed: 0.31 }\ncamera: { hfov: 1.02 }\n\
                     colours: { wall: { h: [350, 10], s: [20, 100], v: [0, 90] }, \

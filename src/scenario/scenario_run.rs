@@ -139,7 +139,6 @@ impl RunSettings {
                 ..sim::Options::default()
             },
             limits: self.config.watchdog.clone(),
-            link: self.config.link.clone(),
             streams: self.config.streams,
             stop: self.stop.clone(),
             ..simulation::Options::default()

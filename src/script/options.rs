@@ -109,8 +109,8 @@ pub struct Limits {
     /// much for its marked copies, its log a quarter, and the journal a 64th.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub bytes_a_day: u64,
-    /// The bytes of the disk that must stay free; with less, scripts write nothing: 64 MiB.
-    #[serde(deserialize_with = "ranges::disk_bytes")]
+    /// The bytes of the disk that must stay free; with less, scripts write nothing.
+    #[serde(skip)]
     pub free_bytes: u64,
 }
 

@@ -107,16 +107,16 @@ async fn robot(
     report: &mut DoctorReport,
 ) -> Result<(), Failure> {
     let config = &settings.config;
+    let options = link::Options::default();
     let login = connection.login.login(settings)?;
     let (target, sim) = resolve_or_simulate(place, &login, 0)?;
-    let reachable = check_reachable(&target, config.link.connect_timeout).await;
+    let reachable = check_reachable(&target, options.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
     report.add(reachable)?;
     if !open {
         return Ok(());
     }
-    let mut session = match link::connect(&target, &login, vec![Command::STOP], &config.link).await
-    {
+    let mut session = match link::connect(&target, &login, vec![Command::STOP], &options).await {
         Ok(session) => session,
         Err(error) => {
             return report.add(CheckResult::fail("login", error.to_string(), error.help()));

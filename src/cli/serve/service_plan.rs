@@ -179,12 +179,11 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: [&str; 13] = [
+    const RESTART_KEYS: [&str; 12] = [
         "robot",
         "user",
         "password_file",
         "watchdog",
-        "link",
         "streams",
         "data",
         "logging",
