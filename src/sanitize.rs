@@ -114,9 +114,10 @@ fn hides(c: char) -> bool {
 pub fn colour_sequence_len(text: &str) -> Option<usize> {
     let parameters = text.strip_prefix("\x1b[")?;
     let end = parameters.find(|c: char| !(c.is_ascii_digit() || c == ';'))?;
-    parameters[end..]
-        .starts_with('m')
-        .then_some("\x1b[".len() + end + 1)
+    if !parameters[end..].starts_with('m') {
+        return None;
+    }
+    Some("\x1b[".len() + end + 1)
 }
 
 #[cfg(test)]

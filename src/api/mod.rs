@@ -196,9 +196,12 @@ pub fn elsewhere(name: &str, in_scenario: bool) -> Option<String> {
             "only behaviours have {name}; a scenario uses sim, such as sim:run(FILE)"
         ));
     }
-    (!in_scenario && function(name).is_some()).then(|| {
-        format!("{name} exists only in files with scenarios, whose names end in _test.lua")
-    })
+    if in_scenario || function(name).is_none() {
+        return None;
+    }
+    Some(format!(
+        "{name} exists only in files with scenarios, whose names end in _test.lua"
+    ))
 }
 
 #[cfg(test)]

@@ -199,9 +199,11 @@ impl StoreWriter {
         }
         self.collect_failures();
         let error = self.error.take()?;
-        let new = self.last_error.as_ref() != Some(&error);
+        if self.last_error.as_ref() == Some(&error) {
+            return None;
+        }
         self.last_error = Some(error.clone());
-        new.then_some(error)
+        Some(error)
     }
 
     /// Waits for the thread, then writes the remaining content. Returns why that failed.

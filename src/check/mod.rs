@@ -99,7 +99,12 @@ impl CheckContext {
         let found = ["lua", "luau"]
             .iter()
             .any(|ending| may_be_file(&folder.join(format!("{path}.{ending}"))));
-        (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
+        if found {
+            return None;
+        }
+        Some(format!(
+            "there is no module '{path}': no file {path}.lua beside this one"
+        ))
     }
 }
 

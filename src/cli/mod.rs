@@ -335,7 +335,7 @@ fn report_panics(console: Console) {
 }
 
 /// The message given to `panic!`, if it is text.
-fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
+fn payload_text(payload: &dyn std::any::Any) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")

@@ -64,7 +64,10 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
         && text.chars().all(usual)
         && text.len() <= MAX_NAME
         && !text.ends_with("_test");
-    right.then(|| text.to_owned()).ok_or(ArgumentError::Project)
+    if !right {
+        return Err(ArgumentError::Project);
+    }
+    Ok(text.to_owned())
 }
 
 /// Creates the folder. Does not change an existing one.

@@ -82,9 +82,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let login = args.connection.login.login(args.settings.load()?)?;
     let simulated = matches!(choice, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
-    if !simulated || config.service.user.is_some() {
-        drop_root(config.service.user.as_deref(), config.data_folder())?;
-    }
+    become_user(&config, simulated)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loader = plan_loader(args, console, seed, clock);
@@ -127,6 +125,15 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         serve(parts, console).await
     });
     exit(outcome?)
+}
+
+/// A service of a simulated robot keeps its user, unless the config names one.
+fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
+    let user = config.service.user.as_deref();
+    if simulated && user.is_none() {
+        return Ok(());
+    }
+    drop_root(user, config.data_folder())
 }
 
 fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> PlanLoader {

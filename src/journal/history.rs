@@ -127,7 +127,10 @@ impl JournalReader {
         }
         schema::validate(&connection, found)?;
         // Version 0: created, but not written yet.
-        Ok((found > 0).then_some(JournalReader(connection)))
+        if found == 0 {
+            return Ok(None);
+        }
+        Ok(Some(JournalReader(connection)))
     }
 
     /// Returns events of these kinds, in the order in which they happened.

@@ -235,7 +235,11 @@ impl State {
         let Ok(image) = self.frames.analyser.decode(frame.seq, &frame.jpeg) else {
             return;
         };
-        let skyline = turns.then(|| Skyline::from_image(image, camera));
+        let skyline = if turns {
+            Some(Skyline::from_image(image, camera))
+        } else {
+            None
+        };
         let held_since = timed.and_then(|timed| self.blockage.look(image, frame.at, camera, timed));
         self.odometry.look(frame.at, skyline);
         if let (Some(since), Some(timed)) = (held_since, timed)

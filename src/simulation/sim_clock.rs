@@ -34,9 +34,10 @@ impl TimeScale {
 
     /// Creates a factor; `None` if it is not in 1..=100.
     pub fn new(factor: f64) -> Option<TimeScale> {
-        (1.0..=TimeScale::MAX)
-            .contains(&factor)
-            .then_some(TimeScale(factor))
+        if !(1.0..=TimeScale::MAX).contains(&factor) {
+            return None;
+        }
+        Some(TimeScale(factor))
     }
 
     /// Returns the factor as a number.

@@ -157,8 +157,10 @@ impl Tracker {
                 .map(|(blob, seen)| (track.cost(seen), index, blob));
             self.pairs.extend(costs.filter(|pair| pair.0 <= reach));
         }
-        self.pairs
-            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        self.pairs.sort_unstable_by(|a, b| {
+            a.0.total_cmp(&b.0)
+                .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
+        });
         self.owned.clear();
         self.owned.resize(self.followed.len(), None);
         self.crowd.clear();

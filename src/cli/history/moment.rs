@@ -41,9 +41,10 @@ fn ago(text: &str) -> Option<SignedDuration> {
     };
     let long = number * seconds;
     // At most a century.
-    (0.0..=36_525.0 * 86_400.0)
-        .contains(&long)
-        .then(|| SignedDuration::from_millis((long * 1000.0) as i64))
+    if !(0.0..=36_525.0 * 86_400.0).contains(&long) {
+        return None;
+    }
+    Some(SignedDuration::from_millis((long * 1000.0) as i64))
 }
 
 impl Moment {

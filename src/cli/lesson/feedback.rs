@@ -90,8 +90,10 @@ impl Feedback<'_> {
     /// The command that checks the script again.
     fn command(&self, file: &str) -> String {
         let number = self.lesson.number;
-        let option = self.is_chosen.then(|| format!(" --lesson {number}"));
-        format!("spykee lesson check {file}{}", option.unwrap_or_default())
+        if self.is_chosen {
+            return format!("spykee lesson check {file} --lesson {number}");
+        }
+        format!("spykee lesson check {file}")
     }
 
     /// The feedback as JSON, for programs.

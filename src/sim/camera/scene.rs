@@ -195,7 +195,7 @@ impl Scene {
         if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
             return;
         }
-        let Some([left, right]) = slopes(a, b) else {
+        let Some([left, right]) = slopes([a, b]) else {
             return;
         };
         for column in view.columns(left, right) {
@@ -249,7 +249,7 @@ impl Scene {
 
 /// Returns the slopes, from left to right, between which a line is visible; each end is given as
 /// its distance ahead and to the right. `None` if the line is behind the camera.
-fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
+fn slopes([a, b]: [(f32, f32); 2]) -> Option<[f32; 2]> {
     let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
     if far.0 <= NEAR {
         return None;
@@ -342,9 +342,9 @@ mod tests {
 
     #[test]
     fn slopes_cover_the_part_ahead_of_the_camera() {
-        assert_eq!(slopes((1.0, 1.0), (1.0, -1.0)), Some([-1.0, 1.0]));
-        assert_eq!(slopes((-1.0, 1.0), (-1.0, -1.0)), None);
-        let [left, right] = slopes((-1.0, 1.0), (1.0, 1.0)).unwrap();
+        assert_eq!(slopes([(1.0, 1.0), (1.0, -1.0)]), Some([-1.0, 1.0]));
+        assert_eq!(slopes([(-1.0, 1.0), (-1.0, -1.0)]), None);
+        let [left, right] = slopes([(-1.0, 1.0), (1.0, 1.0)]).unwrap();
         assert!(left >= 0.99 && right > WIDTH as f32 / 4.0, "{left} {right}");
     }
 }

@@ -75,9 +75,9 @@ impl ProxyDirection {
 
     /// Reads from `from` and queues writes until the input ends. Queued writes are still
     /// delivered.
-    async fn read_input(
+    async fn read_input<R: AsyncRead + Unpin>(
         &mut self,
-        from: &mut (impl AsyncRead + Unpin),
+        from: &mut R,
         queue: mpsc::Sender<QueuedWrite>,
     ) {
         let mut buffer = vec![0; READ_LEN];
@@ -269,9 +269,9 @@ impl ThrottledWriter {
         End::Closed
     }
 
-    async fn write(
+    async fn write<W: AsyncWrite + Unpin>(
         &mut self,
-        to: &mut (impl AsyncWrite + Unpin),
+        to: &mut W,
         mut bytes: Bytes,
     ) -> std::io::Result<()> {
         while !bytes.is_empty() {

@@ -79,8 +79,13 @@ pub(crate) struct MapCanvas {
 
 impl MapCanvas {
     /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
-    pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<MapCanvas> {
-        let mut pixels = Pixmap::new(size.0, size.1)?;
+    pub(crate) fn new(
+        width: u32,
+        height: u32,
+        scale: f32,
+        origin: (f32, f32),
+    ) -> Option<MapCanvas> {
+        let mut pixels = Pixmap::new(width, height)?;
         pixels.fill(Color::WHITE);
         Some(MapCanvas {
             pixels,
@@ -324,7 +329,7 @@ mod tests {
 
     #[test]
     fn labels_without_room_are_omitted_and_do_not_overlap() {
-        let mut canvas = MapCanvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
+        let mut canvas = MapCanvas::new(300, 300, 100.0, (20.0, 280.0)).unwrap();
         let style = TextStyle::small([0, 0, 0, 255]);
         for step in 0..20 {
             let place = Point::new(1.0 + 0.01 * f64::from(step), 1.0);

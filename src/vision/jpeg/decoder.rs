@@ -191,8 +191,10 @@ impl Baseline {
         image: &mut Image,
     ) -> Option<Result<(), DecodeError>> {
         let progress = self.progress.take()?;
-        let known = jpeg.starts_with(&self.beginning);
-        known.then(|| self.decode_rest(jpeg, progress, image))
+        if !jpeg.starts_with(&self.beginning) {
+            return None;
+        }
+        Some(self.decode_rest(jpeg, progress, image))
     }
 
     fn decode_rest(
