@@ -154,14 +154,11 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
     }
 }
 
-/// Why a config cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// The file cannot be read.
     #[error("cannot read the config {path}: {source}")]
     Read {
         path: String,
-        /// The system's error.
         source: std::io::Error,
     },
     /// The config is not valid; line and column are in the reason.
@@ -169,7 +166,6 @@ pub enum ConfigError {
     Invalid {
         /// Its path, or the environment variable.
         path: String,
-        /// What is wrong and where.
         reason: String,
     },
 }
@@ -180,7 +176,6 @@ impl Config {
         Config::parse_file(&Config::read(path)?, path)
     }
 
-    /// The data folder, with a folder for each behaviour.
     pub fn data_folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
     }
@@ -190,7 +185,6 @@ impl Config {
         self.time_zone.clone().unwrap_or_else(Zone::system)
     }
 
-    /// The timetable for `spykee serve`.
     pub fn timetable(&self) -> Timetable {
         Timetable {
             rules: self.schedule.clone(),
@@ -200,7 +194,6 @@ impl Config {
         }
     }
 
-    /// The settings of a run's pilot.
     pub fn pilot(&self, simulated: bool, seed: u64) -> Settings {
         Settings {
             limits: self.watchdog.clone(),
@@ -265,9 +258,6 @@ impl Config {
     }
 
     /// Parses a text; `name` is its name in errors.
-    ///
-    /// # Errors
-    /// [`ConfigError::Invalid`].
     pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
         let invalid = |reason: String| ConfigError::Invalid {
             path: name.to_owned(),

@@ -1,8 +1,6 @@
-//! Sanitises text from a robot, a script, a file or the network for its destination: a terminal, a
-//! text log, XML or JSON. All text output passes through here.
-//!
-//! Terminal control sequences are removed; characters that are invisible or reverse the direction
-//! of text are shown as escapes such as `\u202e`, which in JSON stand for the same character.
+//! Sanitises text from a robot, a script, a file or the network for a terminal, a text log, XML or
+//! JSON. All text output passes through here. Control sequences are removed; characters that are
+//! invisible or reverse the direction of text are shown as escapes such as `\u202e`.
 
 use std::fmt::Write as _;
 

@@ -14,17 +14,14 @@ use tokio::time::Instant;
 
 use crate::robot::{EndReason, Seconds, whole_within};
 
-/// What to do with a failed behaviour.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum RestartPolicy {
-    /// Do not restart it.
     #[default]
     Never,
     /// Restart it, unless it fails too often.
     OnFailure(Restarts),
 }
 
-/// How a failed behaviour is restarted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restarts {
     /// Upper limit of the pause before the first restart; it doubles with each further restart
@@ -54,7 +51,6 @@ impl RestartPolicy {
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-/// A word that is not a restart policy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is neither `never` nor `on-failure`")]
 pub struct UnknownPolicy(String);

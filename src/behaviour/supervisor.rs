@@ -76,7 +76,6 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Registers a prepared behaviour with the pilot.
     pub async fn register(
         host: Prepared,
         role: Role,

@@ -1,8 +1,5 @@
-//! Checks a script before it runs: syntax, names, API calls, modules. Also explains the VM's error
-//! message of a failed script in plain words: [`explain`].
-//!
-//! The compiler checks the syntax; for the rest the script is parsed into a tree. There are no
-//! false positives: what cannot be determined from the file alone is left to the run. The work is
+//! Checks a script before it runs, and explains the VM's error of a failed one in plain words.
+//! There are no false positives: what the file alone cannot show is left to the run. The work is
 //! bounded whatever the file contains, and no part of the script runs.
 
 mod diagnostic;
@@ -48,7 +45,6 @@ pub struct CheckContext {
 }
 
 impl CheckContext {
-    /// Creates the context for a script with these options in this file.
     pub fn new(options: &Options, file: Option<&Path>) -> CheckContext {
         let script = if file.is_some_and(is_scenario) {
             Script::empty_scenario(options.clone(), Instant::now())

@@ -171,7 +171,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A statement with blocks.
     fn blocks(&mut self, statement: &'a Statement) {
         use StatementKind as S;
         match &statement.kind {

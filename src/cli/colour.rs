@@ -37,7 +37,6 @@ impl ColourArgs {
     }
 }
 
-/// Finds blobs, or learns a colour.
 pub(super) fn run(args: &ColourArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.action {
         Action::Find(args) => find::run(args, console),

@@ -66,10 +66,6 @@ struct Shared {
 }
 
 impl Console {
-    /// Starts the thread that writes to stderr.
-    ///
-    /// # Errors
-    /// The system cannot start a thread.
     pub fn start(format: LogFormat) -> io::Result<Console> {
         let features = features_of_stderr(format);
         let day = Budget::new(BYTES_A_DAY);
@@ -116,7 +112,6 @@ impl Console {
         })
     }
 
-    /// Whether to colour log lines.
     pub fn colour(&self) -> bool {
         self.features.colour
     }
@@ -218,7 +213,6 @@ fn now() -> String {
     text
 }
 
-/// The writing thread's side.
 struct ConsoleWriter<W> {
     out: W,
     redirected: Option<Box<dyn Write + Send>>,
@@ -287,7 +281,6 @@ impl<W: Write> ConsoleWriter<W> {
         }
     }
 
-    /// Reports how many records were dropped since the last report.
     fn report_dropped(&mut self) {
         let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {

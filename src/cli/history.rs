@@ -100,10 +100,8 @@ impl Topic {
     }
 }
 
-/// Default maximum number of entries.
 const DEFAULT_LIMIT: u32 = 1000;
 
-/// Prints the journal.
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();

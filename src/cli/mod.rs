@@ -100,7 +100,6 @@ impl From<Format> for LogFormat {
     }
 }
 
-/// The format of the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
     /// Text for people
@@ -222,11 +221,9 @@ pub fn main() -> ExitCode {
     execute(cli, Console::start, start_logging).into()
 }
 
-/// What [`run_for_test`] returns.
 #[derive(Debug)]
 pub struct TestOutput {
     pub code: u8,
-    /// What was written to stdout.
     pub out: String,
     /// What was written to stderr: log and error messages.
     pub err: String,

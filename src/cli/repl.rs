@@ -165,7 +165,6 @@ struct Repl {
     begun: bool,
     /// Whether a line is running and the prompt waits for it.
     running: bool,
-    /// Whether a line has failed.
     failed: bool,
     /// Deadline of the terminal for showing a prompt.
     terminal_due: Option<Instant>,

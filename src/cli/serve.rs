@@ -75,7 +75,6 @@ pub(super) struct ServeArgs {
     connection: ConnectionArgs,
 }
 
-/// Serves until a signal ends it.
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     let choice = robot_choice(&args.connection, &config)?;
@@ -151,7 +150,6 @@ fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> 
     }
 }
 
-/// The parts needed to run a service.
 struct ServiceParts {
     parts: RunParts,
     clock: Clock,

@@ -12,13 +12,10 @@ use crate::notify;
 /// The config that is read if it is in the current folder and no other is named.
 const DEFAULT_FILE: &str = "spykee.yaml";
 
-/// The variable with the robot's password.
 pub const PASSWORD_VARIABLE: &str = "SPYKEE_PASSWORD";
 /// The variable that tells the restarted program from which pipe to read the password.
 pub const PASSWORD_PIPE_VARIABLE: &str = "SPYKEE_PASSWORD_PIPE";
-/// The variable that names the config file.
 const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
-/// The variable with the robot's address.
 const ROBOT_VARIABLE: &str = "SPYKEE_ROBOT";
 /// The variable for the container's health check, `scripts/packaging/container-health`.
 const HEALTH_PORT_VARIABLE: &str = "SPYKEE_HEALTH_PORT";
@@ -45,7 +42,6 @@ pub struct Setting {
     pub origin: String,
 }
 
-/// Settings with their origins.
 #[derive(Debug, Clone, Default)]
 pub struct Effective {
     pub config: Config,

@@ -9,9 +9,7 @@ use crate::link::{host_of, is_host_name};
 use crate::robot::whole_within;
 use crate::yaml;
 
-/// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
-/// What `host` must be.
 const HOST_EXPECTED: &str =
     "the name or the address of a broker, such as broker.local, without scheme and port";
 
@@ -53,16 +51,13 @@ impl Default for Mqtt {
     }
 }
 
-/// An invalid value in [`Mqtt`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MqttError {
-    /// A prefix that is not valid in topics.
     #[error(
         "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single slashes in \
          between, at most {LONGEST_PREFIX} characters"
     )]
     Prefix { key: &'static str, prefix: String },
-    /// A password file without a user.
     #[error("mqtt.password_file needs mqtt.user")]
     PasswordFile,
 }
@@ -87,7 +82,6 @@ impl Mqtt {
         Ok(())
     }
 
-    /// Host and port of the broker, if there is one.
     pub fn address(&self) -> Option<(&str, u16)> {
         let usual = match self.ca_file {
             Some(_) => 8883,

@@ -25,7 +25,6 @@ const EVENT: &str = "SPYKEE_EVENT";
 const ROBOT_NAME: &str = "SPYKEE_ROBOT_NAME";
 const TIME: &str = "SPYKEE_TIME";
 const PICTURE: &str = "SPYKEE_PICTURE";
-/// The environment variables that a program gets.
 pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT_NAME, TIME, PICTURE];
 
 /// Runs the program to its end, at most for this long and until `abort` is cancelled.

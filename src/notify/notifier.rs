@@ -30,7 +30,6 @@ const MESSAGES_PER_HOUR: f64 = 30.0;
 /// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum NotifyError {
-    /// The system cannot start a thread.
     #[error("no thread for notifications: {0}")]
     Thread(io::Error),
 }
@@ -49,9 +48,6 @@ impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
     /// Waiting messages are stored in this data folder. Does not wait for disk or network.
-    ///
-    /// # Errors
-    /// If the system cannot start the threads.
     pub fn start(
         bus: &Bus,
         data: &Path,

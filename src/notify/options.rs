@@ -81,7 +81,6 @@ pub enum PictureMode {
 }
 
 impl Target {
-    /// Whether the target is notified of this event.
     pub fn wants(&self, rule: Rule) -> bool {
         rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
     }
@@ -154,30 +153,23 @@ impl Target {
     }
 }
 
-/// Errors and contradictions in a target.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    /// No destination, or several.
     #[error("it needs exactly one of `url`, `topic` and `command`")]
     Ways,
-    /// A text contains an unknown placeholder.
     #[error(transparent)]
     Template(#[from] UnknownName),
-    /// A text contains `{token}`, but no token is given.
     #[error("`{{token}}` needs `token_file`")]
     NoToken,
     /// A token is given, but no text contains `{token}`.
     #[error("its token is not used: write {{token}} where it belongs")]
     UnusedToken,
-    /// The URL has another scheme.
     #[error("its url must begin with https:// or http://")]
     Url,
-    /// Both `body` and `json` are given.
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
     #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
-    /// Not a valid topic, or a pattern of topics.
     #[error(
         "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
          +, # and braces"
@@ -185,28 +177,20 @@ pub enum TargetError {
     Topic,
     #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
     TokenOfTopic,
-    /// A picture as a form is requested for a topic.
     #[error("a topic takes a picture as `body` only, or none")]
     PictureOfTopic,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
-    /// Too many targets.
     #[error("notify: at most {MAX_TARGETS} targets")]
     TooMany,
-    /// The name of a target is not valid.
     #[error(
         "notify.targets: the name `{0}` may have letters, digits, - and _, at most {LONGEST_NAME}"
     )]
     Name(String),
-    /// A target is not valid.
     #[error("notify.targets.{name}: {source}")]
-    Target {
-        name: String,
-        /// What is wrong with it.
-        source: TargetError,
-    },
+    Target { name: String, source: TargetError },
 }
 
 impl Options {

@@ -31,15 +31,12 @@ pub(super) fn send(
 pub enum RequestError {
     #[error("its url is not valid")]
     Url,
-    /// The header field of this name.
     #[error("its header field `{0}` is not valid")]
     Header(String),
 }
 
-/// Builds the request to a webhook, with all placeholders replaced.
-///
-/// # Errors
-/// See [`RequestError`], which contains neither the address nor the token.
+/// Builds the request to a webhook, with all placeholders replaced. The error contains neither
+/// the address nor the token.
 pub fn request(
     target: &Target,
     url: &str,

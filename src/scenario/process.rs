@@ -1,11 +1,7 @@
-//! Runs scenarios in confined processes: each file is read, and each scenario is run,
-//! in a separate process confined by the kernel. The process can read only the folders of the
-//! scenario and of the behaviour under test, and the current folder if it contains the scenario and
-//! is not too general, as the home folder is. It writes to a folder that is deleted afterwards, and
-//! its answer goes over a pipe that no script can access.
-//!
-//! If a script hangs in one call, crashes the process or takes too long, the process is ended and
-//! the scenario has failed.
+//! Reads each file and runs each scenario in a process of its own, which can read only the folders
+//! of the scenario and of its behaviour (and the current one, if it contains the scenario and is
+//! not as general as the home folder). If a script hangs in one call or crashes the process, the
+//! scenario has failed.
 
 use std::ffi::OsString;
 use std::io;
@@ -30,7 +26,6 @@ const READING: Duration = Duration::from_secs(20);
 /// A script that cannot be interrupted for this long ends its process.
 const STUCK: Duration = Duration::from_secs(5);
 
-/// Runs scenarios in confined processes.
 #[derive(Debug, Clone)]
 pub struct ScenarioProcess {
     worker: Worker,
@@ -68,7 +63,6 @@ impl ScenarioProcess {
         Ok(ScenarioProcess { worker, timeout })
     }
 
-    /// Like [`ScenarioFile::read`], in a confined process.
     pub fn read(&self, file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -203,7 +197,6 @@ fn is_wide(folder: &Path) -> bool {
     folder.parent().is_none() || home.is_some_and(|home| home.starts_with(folder))
 }
 
-/// Returns the result of a scenario whose process gave no answer.
 fn without_answer(scenario_file: &ScenarioFile, error: &WorkerError) -> ScenarioResult {
     let words = match error {
         WorkerError::TimedOut(limit) => format!(

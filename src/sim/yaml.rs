@@ -139,7 +139,6 @@ pub(crate) fn find(text: &str, path: &[Step]) -> [usize; 2] {
     }
 }
 
-/// Parses a document; `name` is the name of the text in errors.
 pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
     yaml::examine(text)
         .map_err(|no| DocumentError::invalid(name, [no.line, no.column], no.what))?;

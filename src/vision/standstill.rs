@@ -1,12 +1,7 @@
-//! Decides from two pictures whether the camera stood still although its robot should have moved:
-//! what should have changed in the picture and did not.
-//!
-//! Each picture is reduced to a few rows and columns of mean brightness, which show even faint
-//! stripes of a wall. When the robot drives, everything below the height of the lens is on the
-//! floor or nearer, so it moves by a known minimum; when it turns on the spot, everything shifts
-//! sideways. A sample that this would change is a *witness*; only if nearly all witnesses look
-//! unchanged has the camera stood still. Without enough witnesses (a plain wall, darkness) the
-//! result is unknown.
+//! Decides from two pictures whether the camera stood still although its robot should have moved.
+//! Each picture is reduced to a few rows and columns of mean brightness; a sample that the movement
+//! would change is a *witness*, and only if nearly all witnesses look unchanged has the camera
+//! stood still. Without enough witnesses the result is unknown.
 
 use std::time::Duration;
 

@@ -1,9 +1,6 @@
-//! Tracks blobs from frame to frame and gives them identities.
-//!
-//! Each track predicts where its blob will be, assuming a constant velocity, and takes the blob
-//! nearest to that position; all pairs are assigned together. When two blobs merge because one
-//! passes in front of the other, both tracks continue inside the merged blob on their own courses
-//! until it splits again.
+//! Tracks blobs from frame to frame and gives them identities. Each track predicts its position by
+//! constant velocity and takes the nearest blob; all pairs are assigned together. When two blobs
+//! merge, both tracks continue on their own courses until it splits again.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;

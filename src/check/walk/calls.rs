@@ -145,7 +145,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks a call with a colon.
     pub(super) fn method(&mut self, call: &'a Expr) {
         let ExprKind::Method(object, name, at, arguments) = &call.kind else {
             return;
@@ -440,7 +439,6 @@ impl<'a> Walk<'a> {
         self.fits(call, value, argument, whole);
     }
 
-    /// Returns the help for an argument that must be a function and is not.
     fn passing(&self, value: &Value, argument: &Expr, whole: Option<Span>) -> Option<String> {
         if !value.kind.is_function() {
             return None;

@@ -91,7 +91,6 @@ struct Found {
     blobs: Vec<Blob>,
 }
 
-/// The search, the same for all pictures.
 struct Search<'a> {
     args: &'a FindArgs,
     colours: Vec<Colour>,

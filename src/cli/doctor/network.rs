@@ -21,7 +21,6 @@ use crate::wire::{Command, Report, Stream};
 const DISCOVERY_PERIOD: Duration = Duration::from_secs(1);
 /// Time to count frames.
 const VIDEO_PERIOD: Duration = Duration::from_secs(3);
-/// Timeout of a request.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
@@ -141,7 +140,6 @@ async fn robot(
     Ok(())
 }
 
-/// The checks that need an open link.
 async fn check_link(
     session: &mut Session,
     config: &Config,

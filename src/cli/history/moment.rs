@@ -19,7 +19,6 @@ pub(super) enum Moment {
 #[error("there is no such time: {0}")]
 pub(super) struct NoSuchTime(#[from] jiff::Error);
 
-/// Parses a moment.
 pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     let text = text.trim();
     let at = || text.parse::<DateTime>().ok().map(Moment::At);
@@ -48,7 +47,6 @@ fn ago(text: &str) -> Option<SignedDuration> {
 }
 
 impl Moment {
-    /// The timestamp of this moment, relative to `now` and in this time zone.
     pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, NoSuchTime> {
         let resolved = match self {
             Moment::Ago(ago) => now.checked_sub(*ago),

@@ -11,7 +11,6 @@ use super::runs::Run;
 use crate::clock;
 use crate::journal::Record;
 
-/// Rows with a header.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct View {
     head: Vec<(&'static str, Side)>,
@@ -30,7 +29,6 @@ impl View {
         self.rows.is_empty()
     }
 
-    /// The rows as an aligned table, for people.
     pub(super) fn table(&self) -> String {
         let upper: Vec<(String, Side)> = self
             .head
@@ -44,7 +42,6 @@ impl View {
         aligned(&head, &self.rows)
     }
 
-    /// The rows as CSV, for spreadsheets.
     pub(super) fn csv(&self) -> String {
         let head: Vec<String> = self
             .head
@@ -225,7 +222,6 @@ pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
     View::new(&head, rows)
 }
 
-/// Describes a record in one line, for people.
 fn describe(one: &Record) -> String {
     let text = |key| one.text(key);
     let whole = |key| one.number(key).unwrap_or(0.0);
@@ -277,7 +273,6 @@ fn describe(one: &Record) -> String {
     }
 }
 
-/// The fields of a script's entry.
 fn fields(one: &Record) -> String {
     let Some(Value::Object(fields)) = one.data.get("data") else {
         return String::new();
@@ -298,7 +293,6 @@ fn yes(is: bool) -> String {
     if is { "yes" } else { "no" }.to_owned()
 }
 
-/// Formats local time, to the second.
 fn time(at: Timestamp, zone: &TimeZone) -> String {
     at.to_zoned(zone.clone())
         .strftime("%Y-%m-%d %H:%M:%S")

@@ -24,7 +24,6 @@ pub(super) struct LoadedPlan {
     pub(super) service_plan: ServicePlan,
     /// Fingerprints of the behaviours, by name: see [`fingerprint`].
     fingerprints: BTreeMap<String, u64>,
-    /// Information for the page.
     pub(super) definition: RunDefinition,
 }
 
@@ -42,7 +41,6 @@ pub(super) struct PlanLoader {
 }
 
 impl PlanLoader {
-    /// Builds the plan.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedPlan, Failure> {
         let loader = BehaviourLoader {
             config,

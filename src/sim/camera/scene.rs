@@ -100,7 +100,6 @@ impl Scene {
         scene
     }
 
-    /// Moves balls and people; returns whether any of them moved.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
         let mut moved = false;
         for (round, place) in self.rounds.iter_mut().zip(places) {
@@ -110,7 +109,6 @@ impl Scene {
         moved
     }
 
-    /// Returns the texture of a panel, painting it on first use.
     pub(crate) fn picture(&mut self, index: usize) -> &Texture {
         let panel = &mut self.panels[index];
         let codes = &self.codes;

@@ -222,7 +222,6 @@ const PIECES_PER_SECOND: u32 = 50;
 /// Maximum lateness of a timer. A limited stream catches up on it, to keep its average rate.
 const LATE: Duration = Duration::from_millis(2);
 
-/// How one direction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
     /// One end has closed or disappeared.

@@ -29,7 +29,6 @@ impl TextStyle {
         }
     }
 
-    /// Large bold text.
     pub(crate) const fn title(ink: Ink) -> TextStyle {
         TextStyle {
             ink,
@@ -110,7 +109,6 @@ impl MapCanvas {
         self.fill_pixels(&corners, ink);
     }
 
-    /// Fills a polygon given in pixels.
     pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
         if let Some(path) = through(corners, true) {
             self.fill_path(&path, ink);

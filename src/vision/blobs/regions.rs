@@ -1,9 +1,7 @@
-//! Labels the connected components of a picture in one pass.
-//!
-//! Each row is split into runs of one label; a run that touches runs of the same label in the row
-//! above (8-connectivity, as by default in OpenCV) joins their region by union-find. Pixel counts,
-//! boxes and moments are summed up on the way, so no label image is written. Buffers are reused:
-//! after the first pictures nothing is allocated.
+//! Labels the connected components of a picture in one pass: runs of one label are joined with
+//! those they touch in the row above (8-connectivity, as by default in OpenCV) by union-find, and
+//! counts, boxes and moments are summed up on the way. After the first pictures nothing is
+//! allocated.
 
 use crate::vision::picture::{Roi, Spans};
 

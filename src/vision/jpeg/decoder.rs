@@ -22,9 +22,6 @@ pub struct Decoder {
 impl Decoder {
     /// Decodes a frame: baseline or progressive, colour, grey or CMYK, with or without Huffman
     /// tables.
-    ///
-    /// # Errors
-    /// The reason why the bytes cannot be decoded.
     pub fn decode(&mut self, jpeg: &[u8]) -> Result<&Image, FrameError> {
         let result = self.try_decode(jpeg);
         if result.is_err() {
