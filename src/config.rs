@@ -386,15 +386,6 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_its_place() {
-        let text = error("watchdog:\n  lwo: 20\n");
-        assert!(
-            text.contains("lwo") && text.contains("line 2 column 3"),
-            "{text}"
-        );
-    }
-
-    #[test]
     fn an_unknown_key_in_the_first_line_is_refused_with_its_place() {
         let text = error("colors: {}\n");
         assert!(
@@ -430,15 +421,6 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_value_is_refused_with_its_place_and_range() {
-        let text = error("watchdog:\n  ok: 60\n  low: 120\n");
-        assert!(
-            text.contains("line 3 column 8") && text.contains("from 0 to 100"),
-            "{text}"
-        );
-    }
-
-    #[test]
     fn invalid_numbers_are_refused_with_their_place() {
         for wrong in [
             "calibration:\n  full_speed: 0\n",
@@ -468,11 +450,6 @@ mod tests {
         assert!(error(target).contains("notify.targets.house"));
         let named = format!("{target}mqtt: {{ host: broker.local }}\n");
         Config::parse(&named, "spykee.yaml").unwrap();
-    }
-
-    #[test]
-    fn levels_that_do_not_rise_are_refused() {
-        assert!(error("watchdog: { low: 60 }").contains("must rise"));
     }
 
     proptest! {

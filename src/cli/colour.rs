@@ -93,23 +93,6 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_comes_with_the_nearest_and_the_list() {
-        for (wrong, near) in [("rde", "red"), ("Yelow", "yellow"), ("socks", "sock")] {
-            let report = of_name(wrong, &config()).unwrap_err().report();
-            assert!(
-                report.contains(&format!("did you mean '{near}'")),
-                "{report}"
-            );
-            assert!(
-                report.contains("magenta") && report.contains("sock"),
-                "{report}"
-            );
-        }
-        let report = of_name("chartreuse", &config()).unwrap_err().report();
-        assert!(!report.contains("did you mean"), "{report}");
-    }
-
-    #[test]
     fn the_error_for_a_long_name_is_short() {
         let report = of_name(&"r".repeat(100_000), &config())
             .unwrap_err()

@@ -832,18 +832,6 @@ mod tests {
     }
 
     #[test]
-    fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
-        let mut world = World::new(patrol(), "2026-05-04 08:59");
-        world.ready = false;
-        world.pass(2 * MINUTE);
-        world.planner.forget_waiting();
-        world.ready = true;
-        world.pass(60 * MINUTE);
-        assert!(world.acts.is_empty(), "{:?}", world.acts);
-        assert!(world.planner.record().under_way.is_empty());
-    }
-
-    #[test]
     fn a_start_that_does_not_reach_the_robot_waits_for_it() {
         let mut world = World::new(patrol(), "2026-05-04 09:00");
         world.pass(5 * MINUTE);

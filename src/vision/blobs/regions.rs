@@ -450,13 +450,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_equals_its_single_pixels() {
-        let mut run = Moments::default();
-        run.add_run(3, 9, 7);
-        assert_eq!(run, of(&[(3, 7), (4, 7), (5, 7), (6, 7), (7, 7), (8, 7)]));
-    }
-
-    #[test]
     fn lines_have_their_direction_and_no_roundness() {
         let line = |dx: u32, dy: u32| of(&[0, 1, 2, 3].map(|i| (10 + i * dx, 10 + i * dy))).axes();
         assert_eq!(

@@ -301,12 +301,4 @@ mod tests {
             Err(LearnRefusal::TooGrey)
         );
     }
-
-    #[test]
-    fn a_mixture_is_refused_with_its_reason() {
-        let mut picture = scene(BALLS[0], LIGHTS[0]).to_rgb();
-        draw_filled_circle_mut(&mut picture, (90, 100), 14, Rgb([30, 60, 190]));
-        let refusal = learn(&[&Image::from_rgb(&picture)], PART).unwrap_err();
-        assert_eq!(refusal.code(), "too_mixed");
-    }
 }
