@@ -25,7 +25,7 @@ use crate::{files, http, journal, link, notify, safety, script, yaml};
 
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
-pub use self::logging::{Format, Level, Logging};
+pub use self::logging::{Level, LogFormat, Logging};
 pub use self::mqtt::{Mqtt, MqttError};
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;

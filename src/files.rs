@@ -289,10 +289,10 @@ impl Folder {
         }))
     }
 
-    /// Removes the unfinished files of killed runs, and files whose names start with `beginning`.
-    pub fn sweep(&self, beginning: &str) -> io::Result<()> {
+    /// Removes the unfinished files of killed runs.
+    pub fn sweep(&self) -> io::Result<()> {
         for item in self.items()? {
-            if item.name.starts_with(UNFINISHED) || item.name.starts_with(beginning) {
+            if item.name.starts_with(UNFINISHED) {
                 self.remove(&item.name)?;
             }
         }
@@ -430,9 +430,8 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(root.path()).unwrap();
         fs::write(root.path().join(".unfinished-a"), "x").unwrap();
-        fs::write(root.path().join(".store-7"), "x").unwrap();
         folder.replace("b", b"12").unwrap();
-        folder.sweep(".store-").unwrap();
+        folder.sweep().unwrap();
         let names: Vec<_> = folder
             .items()
             .unwrap()

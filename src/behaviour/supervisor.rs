@@ -30,17 +30,9 @@ const STOP_TIME: Duration = Duration::from_millis(700);
 const STALL: Duration = Duration::from_millis(200);
 
 /// Tells a running behaviour to end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
-}
-
-impl Default for Handle {
-    fn default() -> Handle {
-        Handle {
-            stop: watch::Sender::new(None),
-        }
-    }
 }
 
 impl Handle {

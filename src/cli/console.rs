@@ -13,8 +13,8 @@ use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
-use super::LogFormat;
 use super::screen::{Features, Screen};
+use crate::config::LogFormat;
 use crate::rate_limit::{Budget, Repeats};
 
 /// Length of the queue. Records that find it full are dropped and counted.

@@ -13,8 +13,8 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 
-use super::{Console, LogFormat};
-use crate::config::Level;
+use super::Console;
+use crate::config::{Level, LogFormat};
 use crate::live::LogTap;
 use crate::sanitize;
 use crate::simulation;

@@ -59,12 +59,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::config::{Format, Level};
+use crate::config::{Level, LogFormat};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
 use crate::scenario::{SCENARIO_PROCESS, scenario_process_main};
-use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
 pub use console::Console;
@@ -89,23 +89,6 @@ struct Cli {
     /// Format of the log on stderr [default: text]; $RUST_LOG filters it
     #[arg(long, value_enum, global = true)]
     log_format: Option<LogFormat>,
-}
-
-impl From<Format> for LogFormat {
-    fn from(format: Format) -> LogFormat {
-        match format {
-            Format::Text => LogFormat::Text,
-            Format::Json => LogFormat::Json,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LogFormat {
-    /// Text for people
-    Text,
-    /// One JSON object per line
-    Json,
 }
 
 // In the order of `--help`: run behaviours, tools for active runs, robots, writing behaviours,
@@ -284,7 +267,7 @@ fn execute<Guard>(
     let settings = own.unwrap_or(&default_settings);
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
-    let format = cli.log_format.unwrap_or(logs.format.into());
+    let format = cli.log_format.unwrap_or(logs.format);
     let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };

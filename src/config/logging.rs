@@ -10,7 +10,7 @@ pub struct Logging {
     /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
     pub level: Level,
     /// The format, for people or for programs; `--log-format` overrides it.
-    pub format: Format,
+    pub format: LogFormat,
 }
 
 /// The lowest level that is logged.
@@ -29,9 +29,11 @@ pub enum Level {
 }
 
 /// The format of log lines.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
-pub enum Format {
+pub enum LogFormat {
     /// Text for people.
     #[default]
     Text,
