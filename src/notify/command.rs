@@ -102,10 +102,6 @@ mod tests {
     use crate::notify::Rule;
 
     fn run(words: &[&str], seconds: f64) -> Delivery {
-        run_until(words, seconds, &CancellationToken::new())
-    }
-
-    fn run_until(words: &[&str], seconds: f64, abort: &CancellationToken) -> Delivery {
         let target = Target {
             command: words.iter().map(|word| (*word).to_owned()).collect(),
             ..Target::default()
@@ -117,13 +113,14 @@ mod tests {
             at: 0,
             picture: None,
         };
+        let picture = Path::new("/data/1.jpg");
         let limit = Duration::from_secs_f64(seconds);
         send(
             &target,
             &notice,
-            Some(Path::new("/data/1.jpg")),
+            Some(picture),
             limit,
-            abort,
+            &CancellationToken::new(),
         )
     }
 
