@@ -21,22 +21,15 @@ const UNFINISHED: &str = ".unfinished";
 /// Maximum number of folder entries that are read.
 const MAX_NAMES: usize = 100_000;
 
-/// Why a file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// An error of the system.
     #[error("{0}")]
     Io(#[from] io::Error),
     /// It is something else, such as a folder or a pipe.
     #[error("it is {0}, not a file")]
     NoFile(&'static str),
-    /// The file is longer than the limit.
     #[error("it is longer than {most} bytes")]
-    TooLong {
-        /// The limit.
-        most: u64,
-    },
-    /// The content is not UTF-8.
+    TooLong { most: u64 },
     #[error("it is not UTF-8")]
     NoText,
 }
@@ -57,42 +50,27 @@ impl From<ReadError> for io::Error {
 }
 
 /// Reads a regular file of at most `most` bytes. Blocks on nothing but the disk.
-///
-/// # Errors
-/// See [`ReadError`].
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     whole(open(CWD, path, OFlags::empty())?, most)
 }
 
 /// Reads the beginning of a regular file, at most `most` bytes.
-///
-/// # Errors
-/// See [`ReadError`].
 pub fn read_beginning(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     beginning(open(CWD, path, OFlags::empty())?, most)
 }
 
-/// Same as [`read_beginning`], but does not follow a symbolic link.
-///
-/// # Errors
-/// See [`ReadError`]; also a symbolic link in its place.
+/// Same as [`read_beginning`], but refuses a symbolic link.
 pub fn read_beginning_unlinked(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     beginning(open(CWD, path, OFlags::NOFOLLOW)?, most)
 }
 
 /// Same as [`read`], for a text.
-///
-/// # Errors
-/// See [`ReadError`].
 pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
     String::from_utf8(read(path, most)?).map_err(|_| ReadError::NoText)
 }
 
-/// Reads a private file: it must belong to this user, with no access for the group or others. Does
-/// not follow a symbolic link.
-///
-/// # Errors
-/// See [`ReadError`]; also if other users have access to the file.
+/// Reads a private file: it must belong to this user, with no access for the group or others.
+/// Refuses a symbolic link.
 pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     let file = open(CWD, path, OFlags::NOFOLLOW)?;
     let stat = fstat(&file)?;
@@ -160,12 +138,10 @@ fn no_file(stat: &Stat) -> Option<&'static str> {
 #[derive(Debug)]
 pub struct Folder(OwnedFd);
 
-/// A regular file in a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Item {
     /// Time of the last write: seconds since the epoch, and nanoseconds.
     pub written: (i64, i64),
-    /// Its name.
     pub name: String,
     /// Its length in bytes.
     pub bytes: u64,
@@ -174,9 +150,6 @@ pub struct Item {
 impl Folder {
     /// Opens a folder; creates it and its parents, with access for this user only, if it does not
     /// exist.
-    ///
-    /// # Errors
-    /// Any error of the system; a symbolic link in its place.
     pub fn make(path: &Path) -> io::Result<Folder> {
         match Folder::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
@@ -188,9 +161,6 @@ impl Folder {
     }
 
     /// Opens an existing folder.
-    ///
-    /// # Errors
-    /// Any error of the system; a symbolic link in its place.
     pub fn open(path: &Path) -> io::Result<Folder> {
         match open_folder(CWD, path, OFlags::NOFOLLOW) {
             Err(Errno::LOOP | Errno::NOTDIR) if is_link(path) => Err(io::Error::other(format!(
@@ -202,17 +172,11 @@ impl Folder {
     }
 
     /// Opens an existing folder to read in it; its own path may be a symbolic link.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn open_linked(path: &Path) -> io::Result<Folder> {
         Ok(Folder(open_folder(CWD, path, OFlags::empty())?))
     }
 
     /// Opens a folder in this one.
-    ///
-    /// # Errors
-    /// Any error of the system; a symbolic link in its place is no folder.
     pub fn folder(&self, name: &str) -> io::Result<Folder> {
         match open_folder(&self.0, name, OFlags::NOFOLLOW) {
             Err(Errno::LOOP) => Err(Errno::NOTDIR.into()),
@@ -221,9 +185,6 @@ impl Folder {
     }
 
     /// Reads a regular file of at most `most` bytes; `None` if there is none of this name.
-    ///
-    /// # Errors
-    /// See [`ReadError`].
     pub fn read(&self, name: &str, most: u64) -> Result<Option<Vec<u8>>, ReadError> {
         match open(&self.0, name, OFlags::NOFOLLOW) {
             Ok(file) => whole(file, most).map(Some),
@@ -233,17 +194,11 @@ impl Folder {
     }
 
     /// Reads the beginning of a regular file, at most `most` bytes.
-    ///
-    /// # Errors
-    /// See [`ReadError`].
     pub fn read_beginning(&self, name: &str, most: u64) -> Result<Vec<u8>, ReadError> {
         beginning(open(&self.0, name, OFlags::NOFOLLOW)?, most)
     }
 
     /// Creates an empty file, with access for this user only, unless something of this name exists.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn create(&self, name: &str) -> io::Result<()> {
         match self.create_new(name) {
             Ok(_) | Err(Errno::EXIST) => Ok(()),
@@ -259,17 +214,11 @@ impl Folder {
 
     /// Replaces a file atomically: it holds either all of the new content or all of the old. Only
     /// this user has access to it.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn replace(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
         self.put(name, bytes, false)
     }
 
     /// Same as [`Folder::replace`], and the content is on the disk when it returns.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn replace_durably(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
         self.put(name, bytes, true)
     }
@@ -290,33 +239,21 @@ impl Folder {
     }
 
     /// Waits until the disk has the names in it.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn sync(&self) -> io::Result<()> {
         Ok(fsync(&self.0)?)
     }
 
     /// Renames a file, replacing a file of the new name.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn rename(&self, from: &str, to: &str) -> io::Result<()> {
         Ok(renameat(&self.0, from, &self.0, to)?)
     }
 
     /// Removes a file; of a symbolic link, the link itself, not its target.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn remove(&self, name: &str) -> io::Result<()> {
         Ok(unlinkat(&self.0, name, AtFlags::empty())?)
     }
 
     /// Lists the names of everything in it that are UTF-8.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn names(&self) -> io::Result<BTreeSet<String>> {
         let mut names = BTreeSet::new();
         for entry in Dir::read_from(&self.0)?.take(MAX_NAMES) {
@@ -325,10 +262,6 @@ impl Folder {
         Ok(names)
     }
 
-    /// Lists its regular files.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn items(&self) -> io::Result<Vec<Item>> {
         let mut items = Vec::new();
         for name in self.names()? {
@@ -338,9 +271,6 @@ impl Folder {
     }
 
     /// Returns one of its regular files; `None` if there is none of this name.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn item(&self, name: &str) -> io::Result<Option<Item>> {
         let stat = match statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW) {
             Err(Errno::NOENT) => return Ok(None),
@@ -359,13 +289,10 @@ impl Folder {
         }))
     }
 
-    /// Removes the unfinished files of killed runs, and files whose names start with `beginning`.
-    ///
-    /// # Errors
-    /// Any error of the system.
-    pub fn sweep(&self, beginning: &str) -> io::Result<()> {
+    /// Removes the unfinished files of killed runs.
+    pub fn sweep(&self) -> io::Result<()> {
         for item in self.items()? {
-            if item.name.starts_with(UNFINISHED) || item.name.starts_with(beginning) {
+            if item.name.starts_with(UNFINISHED) {
                 self.remove(&item.name)?;
             }
         }
@@ -373,9 +300,6 @@ impl Folder {
     }
 
     /// Returns the number of bytes that this user can still write to its disk.
-    ///
-    /// # Errors
-    /// Any error of the system.
     pub fn free(&self) -> io::Result<u64> {
         let disk = fstatvfs(&self.0)?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
@@ -506,9 +430,8 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::open(root.path()).unwrap();
         fs::write(root.path().join(".unfinished-a"), "x").unwrap();
-        fs::write(root.path().join(".store-7"), "x").unwrap();
         folder.replace("b", b"12").unwrap();
-        folder.sweep(".store-").unwrap();
+        folder.sweep().unwrap();
         let names: Vec<_> = folder
             .items()
             .unwrap()

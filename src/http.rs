@@ -29,7 +29,7 @@ use hyper::service::{Service as _, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, UnixListener};
 use tokio::time::sleep;
@@ -47,12 +47,11 @@ pub use visitor::{Refusal, Visitor};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
-/// Default maximum number of viewers.
-const VIEWERS: u16 = 32;
-const MAX_VIEWERS: u16 = 1000;
+/// Maximum number of viewers at a time.
+pub const MAX_VIEWERS: u16 = 32;
 
 /// `live:` of the config.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
     /// The address of the page and the API, `IP:PORT`. Beyond loopback a token is required.
@@ -60,38 +59,12 @@ pub struct Options {
     pub listen: Option<SocketAddr>,
     /// Host names of the page besides that address, such as that of a proxy in front of it.
     pub hosts: Vec<String>,
-    /// The maximum number of viewers at a time, from 1 to 1000.
-    #[serde(deserialize_with = "viewers")]
-    #[schemars(range(min = 1, max = 1000))]
-    pub viewers: u16,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options {
-            listen: None,
-            hosts: Vec::new(),
-            viewers: VIEWERS,
-        }
-    }
 }
 
 impl Options {
     /// Returns the address to listen on.
     pub fn address(&self) -> SocketAddr {
         self.listen.unwrap_or(LISTEN)
-    }
-}
-
-fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
-    let number = u64::deserialize(from)?;
-    match u16::try_from(number) {
-        Ok(viewers @ 1..=MAX_VIEWERS) => Ok(viewers),
-        _ => {
-            let expected = "a whole number of viewers from 1 to 1000";
-            let found = serde::de::Unexpected::Unsigned(number);
-            Err(serde::de::Error::invalid_value(found, &expected))
-        }
     }
 }
 

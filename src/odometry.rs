@@ -1,9 +1,5 @@
 //! The pose of a robot and whether something holds it, from the commands to its tracks and from its
-//! camera. Knows nothing of scripts.
-//!
-//! The pose is dead reckoning, corrected by the turns that the camera sees. A picture shows what
-//! the tracks did earlier, by the delay that `PictureDelay` estimates. The heading follows camera or
-//! tracks, whichever is more accurate for the motion at hand.
+//! camera: dead reckoning, corrected by the turns that the camera sees. Knows nothing of scripts.
 
 mod blockage;
 
@@ -124,7 +120,6 @@ impl Odometry {
         self.marks.clear();
     }
 
-    /// The pose as of the last [`advance`](Odometry::advance).
     pub(crate) fn pose(&self) -> Pose {
         self.pose
     }

@@ -68,7 +68,6 @@ impl Budget {
         self.bucket.take(bytes as f64, now)
     }
 
-    /// Returns the daily budget.
     pub fn per_day(&self) -> u64 {
         self.per_day
     }

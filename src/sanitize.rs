@@ -1,8 +1,6 @@
-//! Sanitises text from a robot, a script, a file or the network for its destination: a terminal, a
-//! text log, XML or JSON. All text output passes through here.
-//!
-//! Terminal control sequences are removed; characters that are invisible or reverse the direction
-//! of text are shown as escapes such as `\u202e`, which in JSON stand for the same character.
+//! Sanitises text from a robot, a script, a file or the network for a terminal, a text log, XML or
+//! JSON. All text output passes through here. Control sequences are removed; characters that are
+//! invisible or reverse the direction of text are shown as escapes such as `\u202e`.
 
 use std::fmt::Write as _;
 
@@ -114,9 +112,10 @@ fn hides(c: char) -> bool {
 pub fn colour_sequence_len(text: &str) -> Option<usize> {
     let parameters = text.strip_prefix("\x1b[")?;
     let end = parameters.find(|c: char| !(c.is_ascii_digit() || c == ';'))?;
-    parameters[end..]
-        .starts_with('m')
-        .then_some("\x1b[".len() + end + 1)
+    if !parameters[end..].starts_with('m') {
+        return None;
+    }
+    Some("\x1b[".len() + end + 1)
 }
 
 #[cfg(test)]

@@ -1,14 +1,6 @@
 //! Computer vision for behaviours: decodes JPEG frames to pixels and finds blobs in them.
-//! Independent of the robot; imports nothing else of this crate.
-//!
-//! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] decodes it to an
-//! [`Image`], [`Colour`]s describe what to look for, a [`Palette`] is their compiled form, and
-//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`FrameAnalyser`] does all of this for one
-//! frame after another; it decodes each frame once and reuses its buffers.
-//!
-//! Most of the time is spent on decoding (`scripts/bench-vision`), so every other operation on a
-//! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours
-//! are looked up without a conversion to RGB.
+//! Independent of the robot; imports nothing else of this crate. Most of the time is spent on
+//! decoding, so every other operation works on the decoded planes, without a conversion to RGB.
 
 #![warn(missing_docs)]
 

@@ -17,7 +17,6 @@ const MAX_DEPTH: usize = 64;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at line {line} column {column}")]
 pub struct Refused {
-    /// The reason, in words.
     pub what: &'static str,
     /// Counted from 1.
     pub line: usize,
@@ -25,10 +24,6 @@ pub struct Refused {
     pub column: usize,
 }
 
-/// Checks whether a text may be parsed.
-///
-/// # Errors
-/// The limit that is exceeded, and its position.
 pub fn examine(text: &str) -> Result<(), Refused> {
     if text.len() as u64 > MAX_LEN {
         return Err(refused("the text is too long", 1, 1));
@@ -140,9 +135,6 @@ fn is_rule(line: &str) -> bool {
 }
 
 /// Reads a text and parses it; `expected` describes the valid ones.
-///
-/// # Errors
-/// If the value is not a text, or the error of `parse`.
 pub fn parsed_text<'de, D: Deserializer<'de>, T, W: fmt::Display>(
     from: D,
     expected: &str,
@@ -152,9 +144,6 @@ pub fn parsed_text<'de, D: Deserializer<'de>, T, W: fmt::Display>(
 }
 
 /// As [`parsed_text`], for a `parse` that gives no reason.
-///
-/// # Errors
-/// If the value is not a text, or `parse` returns `None`.
 pub fn known_text<'de, D: Deserializer<'de>, T>(
     from: D,
     expected: &str,

@@ -16,10 +16,8 @@ macro_rules! events {
         }
 
         impl EventName {
-            /// All events.
             pub const ALL: &'static [EventName] = &[$(EventName::$variant,)+];
 
-            /// The event's name in scripts.
             pub fn name(self) -> &'static str {
                 match self { $(EventName::$variant => $name,)+ }
             }

@@ -1,10 +1,6 @@
-//! The single definition of the script API: names, arguments, units, bounds, defaults, results, and
-//! for each entry a short description and an example.
-//!
-//! The runtime registers its native functions under these rows and reads their arguments according
-//! to them. `spykee check`, `spykee api`, completion, the definitions for editors and the reference
-//! of the guide use the same rows. A VM does not start if a native has no row, or a row has no
-//! native.
+//! The single definition of the script API: the runtime reads arguments by these rows, and `check`,
+//! `spykee api`, the editor's definitions and the guide's reference come from them. A VM does not
+//! start if a native has no row, or a row has no native.
 
 mod choices;
 mod events;
@@ -53,7 +49,6 @@ pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
     ALL.into_iter()
 }
 
-/// The documented modules of `@spykee/...`.
 pub fn modules() -> impl Iterator<Item = &'static Namespace> {
     modules::MODULES.into_iter()
 }
@@ -94,7 +89,6 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
     ALL.into_iter().chain(more)
 }
 
-/// Every event.
 pub fn events() -> impl Iterator<Item = &'static Event> {
     events::EVENTS.iter()
 }
@@ -125,7 +119,6 @@ pub fn functions() -> impl Iterator<Item = &'static Function> {
     namespaces().flat_map(|namespace| namespace.functions)
 }
 
-/// Every method of an object.
 pub fn methods() -> impl Iterator<Item = &'static Function> {
     objects().flat_map(|object| object.methods)
 }
@@ -147,7 +140,6 @@ pub fn namespace(name: &str) -> Option<&'static Namespace> {
     namespaces().find(|namespace| namespace.name == name)
 }
 
-/// The module of this name, without its `@spykee/`.
 pub fn module(name: &str) -> Option<&'static Namespace> {
     modules().find(|module| module.name == name)
 }
@@ -196,9 +188,12 @@ pub fn elsewhere(name: &str, in_scenario: bool) -> Option<String> {
             "only behaviours have {name}; a scenario uses sim, such as sim:run(FILE)"
         ));
     }
-    (!in_scenario && function(name).is_some()).then(|| {
-        format!("{name} exists only in files with scenarios, whose names end in _test.lua")
-    })
+    if in_scenario || function(name).is_none() {
+        return None;
+    }
+    Some(format!(
+        "{name} exists only in files with scenarios, whose names end in _test.lua"
+    ))
 }
 
 #[cfg(test)]

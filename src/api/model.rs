@@ -1,6 +1,5 @@
 //! The types that describe the API.
 
-/// One function or method.
 #[derive(Debug, Clone, Copy)]
 pub struct Function {
     /// The name as scripts write it, such as `robot.move`; for a method, such as `Frame:save`.
@@ -9,7 +8,6 @@ pub struct Function {
     pub parameters: &'static [Value],
     /// A description of the further arguments; `None` if it takes none.
     pub rest: Option<&'static str>,
-    /// The results in order.
     pub returns: &'static [Value],
     /// Whether the calling task may wait.
     pub waits: bool,
@@ -57,7 +55,6 @@ pub enum Literal {
 
 #[derive(Debug, Clone, Copy)]
 pub enum Type {
-    /// Anything.
     Any,
     /// `true` or `false`.
     Boolean,
@@ -69,7 +66,6 @@ pub enum Type {
     /// A function, with its type in Luau's notation.
     Function(&'static str),
     Buffer,
-    /// One of a set of names.
     Choice(&'static Choice),
     Colours,
     /// A part of a frame.
@@ -81,7 +77,6 @@ pub enum Type {
     /// An object or a table of this kind.
     Object(&'static Object),
     List(&'static Type),
-    /// One or a list of these.
     OneOrMore(&'static Type),
     /// The payload of the event that the first argument names.
     Payload,
@@ -120,7 +115,6 @@ pub struct Object {
     /// A short description in whole sentences.
     pub doc: &'static str,
     pub fields: &'static [Value],
-    /// Its methods, which are called with a colon.
     pub methods: &'static [Function],
     /// Whether reading an unknown name is an error. Otherwise such a read returns nil, as in a
     /// plain table.
@@ -136,14 +130,11 @@ pub struct Event {
     pub doc: &'static str,
 }
 
-/// A table of functions.
 #[derive(Debug, Clone, Copy)]
 pub struct Namespace {
     /// The name as scripts write it; empty for functions without a namespace.
     pub name: &'static str,
-    /// Its purpose, in a few words.
     pub about: &'static str,
-    /// The scripts that can use it.
     pub availability: Availability,
     pub functions: &'static [Function],
     /// Its fields that are not functions.
@@ -156,7 +147,6 @@ pub struct Namespace {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Availability {
     Everywhere,
-    /// Only behaviours.
     Behaviour,
     /// Only scenarios: `*_test.lua`.
     Scenario,
@@ -210,7 +200,6 @@ impl Function {
 }
 
 impl Object {
-    /// The names of its fields and methods.
     pub fn members(&self) -> Vec<&'static str> {
         let fields = self.fields.iter().map(|field| field.name);
         fields
@@ -285,7 +274,6 @@ pub enum Bounds {
 pub(super) const SECONDS: Bounds = Bounds::Between(0.0, 30.0 * 86_400.0);
 
 impl Bounds {
-    /// Whether a number is within the bounds.
     pub fn contains(self, number: f64) -> bool {
         match self {
             Bounds::Between(low, high) => (low..=high).contains(&number),

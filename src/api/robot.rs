@@ -298,7 +298,6 @@ const FUNCTIONS: &[Function] = &[
     .waiting(),
 ];
 
-/// The object that `robot.on` and `robot.once` return.
 pub(super) const SUBSCRIPTION: Object = strict(
     "Subscription",
     "A subscription to an event; made by `robot.on` and `robot.once`.",

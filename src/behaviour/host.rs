@@ -18,12 +18,14 @@ use crate::check;
 use crate::clock::until;
 use crate::robot::{Detection, EndReason};
 use crate::sandbox::{SandboxPolicy, confine};
-use crate::script::{AnnotatedFrame, LabelledBlob, Level, LogLine, Output, Script, ScriptExit};
+use crate::script::{
+    AnnotatedFrame, LabelledBlob, Level, LogLine, Options, Output, Script, ScriptExit,
+};
 
 /// Longest interval between messages to the agent while a setpoint of the script is active; a
 /// quarter of what the watchdog allows.
 const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(50);
-/// The same interval otherwise; a quarter of the smallest limit that a config may set.
+/// The same interval otherwise; a tenth of what the supervisor allows.
 const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// Stack size of a thread that runs a VM, in bytes. Luau's deepest legal recursion needs 2.1 MiB in
 /// a debug build.
@@ -96,18 +98,8 @@ pub(super) async fn serve(
         source, options, ..
     } = *launch;
     let detections = options.detections;
-    let gallery = options
-        .annotate_dir
-        .clone()
-        .map(|folder| match time {
-            Time::Real => Gallery::open(folder, &options.limits),
-            Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::blocking),
-        })
-        .transpose()?;
-    let store = options.data_dir.clone().map(|folder| match time {
-        Time::Real => StoreWriter::new(folder, &options.limits),
-        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
-    });
+    let gallery = open_gallery(&options, time)?;
+    let store = open_store(&options, time);
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
             script.explain_with(check::explain);
@@ -141,6 +133,25 @@ pub(super) async fn serve(
                 .await
         }
     }
+}
+
+fn open_gallery(options: &Options, time: Time) -> io::Result<Option<Gallery>> {
+    let Some(folder) = options.annotate_dir.clone() else {
+        return Ok(None);
+    };
+    let gallery = Gallery::open(folder, &options.limits)?;
+    Ok(Some(match time {
+        Time::Real => gallery,
+        Time::Virtual => gallery.blocking(),
+    }))
+}
+
+fn open_store(options: &Options, time: Time) -> Option<StoreWriter> {
+    let folder = options.data_dir.clone()?;
+    Some(match time {
+        Time::Real => StoreWriter::new(folder, &options.limits),
+        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
+    })
 }
 
 struct Host {
@@ -237,8 +248,10 @@ impl Host {
     /// When the store can be written next; `None` if it has not changed.
     fn writes_at(&self) -> Option<Instant> {
         let store = self.store.as_ref()?;
-        let waits = self.script.has_store_changed() || store.is_behind();
-        waits.then(|| store.next().unwrap_or_else(Instant::now))
+        if self.script.has_store_changed() || store.is_behind() {
+            return Some(store.next().unwrap_or_else(Instant::now));
+        }
+        None
     }
 
     async fn save_store(&mut self) -> io::Result<()> {

@@ -27,16 +27,13 @@ struct Question {
     folder: String,
 }
 
-/// The result of inspecting one file.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Inspected {
-    /// The diagnostics, in the order of the file.
     pub diagnostics: Vec<Diagnostic>,
     /// The modules that the file requires.
     pub required: Vec<Required>,
 }
 
-/// Why a text could not be inspected.
 #[derive(Debug, thiserror::Error)]
 pub enum InspectionError {
     /// The request or the reply cannot be encoded or decoded.
@@ -52,7 +49,6 @@ pub enum InspectionError {
 pub struct Inspector(Worker);
 
 impl Inspector {
-    /// Uses this executable, which must be `spykee`.
     pub fn new(executable: PathBuf) -> Inspector {
         Inspector(Worker::new(executable, INSPECTION))
     }

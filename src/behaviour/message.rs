@@ -34,7 +34,6 @@ pub struct Launch {
 pub enum ToHost {
     /// Load this script; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
     Load(Box<Launch>),
-    /// Run the loaded script.
     Run,
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
@@ -47,7 +46,6 @@ pub enum ToHost {
     },
     /// Run a text that a user typed; answered by [`Output::Evaluated`].
     Evaluate {
-        /// The Luau source text.
         text: String,
         /// Whether further lines may follow.
         more: bool,
@@ -85,10 +83,8 @@ pub enum FromHost {
     Found {
         /// The frame's number.
         frame: u64,
-        /// The objects found.
         list: Vec<Detection>,
     },
-    /// The script has ended; the host exits.
     Ended(ScriptExit),
 }
 

@@ -25,7 +25,6 @@ pub fn name_of(file: &Path) -> Result<String, NameError> {
     }
 }
 
-/// Checks that a behaviour may have this name.
 pub fn validate_name(name: &str) -> Result<(), NameError> {
     let why = if name.is_empty() {
         "it is empty"

@@ -14,17 +14,14 @@ use tokio::time::Instant;
 
 use crate::robot::{EndReason, Seconds, whole_within};
 
-/// What to do with a failed behaviour.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum RestartPolicy {
-    /// Do not restart it.
     #[default]
     Never,
     /// Restart it, unless it fails too often.
     OnFailure(Restarts),
 }
 
-/// How a failed behaviour is restarted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restarts {
     /// Upper limit of the pause before the first restart; it doubles with each further restart
@@ -54,7 +51,6 @@ impl RestartPolicy {
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-/// A word that is not a restart policy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is neither `never` nor `on-failure`")]
 pub struct UnknownPolicy(String);
@@ -100,12 +96,12 @@ impl<'de> Visitor<'de> for PolicyVisitor {
         let restarts = Restarts {
             first_pause: time(table.first_pause, usual.first_pause),
             max_pause: time(table.max_pause, usual.max_pause),
-            max_restarts: table.max_restarts.0,
+            max_restarts: table.max_restarts.unwrap_or(usual.max_restarts),
             within: time(table.within, usual.within),
         };
         Ok(match table.policy {
-            Word::Never => RestartPolicy::Never,
-            Word::OnFailure => RestartPolicy::OnFailure(restarts),
+            RestartPolicy::Never => RestartPolicy::Never,
+            RestartPolicy::OnFailure(_) => RestartPolicy::OnFailure(restarts),
         })
     }
 }
@@ -113,34 +109,17 @@ impl<'de> Visitor<'de> for PolicyVisitor {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    policy: Word,
+    policy: RestartPolicy,
     first_pause: Option<Seconds>,
     max_pause: Option<Seconds>,
-    #[serde(default)]
-    max_restarts: Count,
+    #[serde(default, deserialize_with = "restarts")]
+    max_restarts: Option<u32>,
     within: Option<Seconds>,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Word {
-    Never,
-    OnFailure,
-}
-
-struct Count(u32);
-
-impl Default for Count {
-    fn default() -> Count {
-        Count(Restarts::default().max_restarts)
-    }
-}
-
-impl<'de> Deserialize<'de> for Count {
-    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Count, D::Error> {
-        let count = whole_within(from, "a whole number from 0 to 1000", 0..=1000)?;
-        Ok(Count(u32::try_from(count).map_err(Error::custom)?))
-    }
+fn restarts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
+    let count = whole_within(from, "a whole number from 0 to 1000", 0..=1000)?;
+    u32::try_from(count).map(Some).map_err(Error::custom)
 }
 
 /// What to do with a behaviour that has ended.
@@ -279,7 +258,7 @@ mod tests {
         for (wrong, words) in [
             ("always", "neither `never` nor `on-failure`"),
             ("7", "expected `never`, `on-failure` or a table"),
-            ("{ policy: always }", "expected `never` or `on-failure`"),
+            ("{ policy: always }", "neither `never` nor `on-failure`"),
             ("{ policy: on-failure, pause: 3 }", "unknown field `pause`"),
             ("{ policy: on-failure, max_restarts: -1 }", "from 0 to 1000"),
             ("{ policy: on-failure, within: 0 }", "seconds"),

@@ -1,7 +1,6 @@
-//! Starts and ends hosts. A host is a process: this same executable with a hidden argument and the
-//! folders it may use, a socket pair as its standard input, an empty environment, and no other open
-//! files. In a simulation with virtual time it is a task of this process, on this thread, over
-//! in-memory pipes: the same code and messages, but without the isolation of a process.
+//! Starts and ends hosts: processes of this executable with a hidden argument, a socket pair as
+//! standard input and no other open files. In virtual time a host is a task on this thread instead,
+//! with the same code and messages but without the isolation of a process.
 
 use std::fmt;
 use std::io;
@@ -40,7 +39,6 @@ const PIPE_LEN: usize = 64 * 1024;
 pub(super) type PipeReader = Box<dyn AsyncRead + Send + Unpin>;
 pub(super) type PipeWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
-/// How to start a host.
 #[derive(Debug, Clone)]
 pub struct Launcher {
     /// `None`: hosts are tasks of this process.

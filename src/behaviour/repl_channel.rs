@@ -15,7 +15,6 @@ const MAX_MESSAGES: usize = 512;
 pub enum PromptCommand {
     /// Run this text; answered by [`PromptMessage::Evaluated`].
     Evaluate {
-        /// The Luau source text.
         text: String,
         /// Whether further lines may follow.
         more: bool,

@@ -67,8 +67,10 @@ impl ReportLimiter {
         match report {
             HostReport::Picture { name } => {
                 let path = self.file(&name)?;
-                let has_room = self.bytes.take((OVERHEAD + name.len()) as u64, now);
-                has_room.then_some(AgentEvent::Picture { behaviour, path })
+                if !self.bytes.take((OVERHEAD + name.len()) as u64, now) {
+                    return None;
+                }
+                Some(AgentEvent::Picture { behaviour, path })
             }
             HostReport::Entry { kind, json } => {
                 let length = kind.len() + json.len();
@@ -76,11 +78,12 @@ impl ReportLimiter {
                     return None;
                 }
                 let data = serde_json::from_str(&json).ok().filter(Value::is_object)?;
-                let has_room = self.bytes.take((OVERHEAD + length) as u64, now);
-                let kind = sanitize::line(&kind);
-                has_room.then_some(AgentEvent::Entry {
+                if !self.bytes.take((OVERHEAD + length) as u64, now) {
+                    return None;
+                }
+                Some(AgentEvent::Entry {
                     behaviour,
-                    kind,
+                    kind: sanitize::line(&kind),
                     data,
                 })
             }
@@ -89,11 +92,12 @@ impl ReportLimiter {
                     Some(name) => Some(self.file(&name)?),
                     None => None,
                 };
-                let has_room = text.len() <= MAX_NOTICE && self.notices.take(1, now);
-                let text = sanitize::text(&text, false);
-                has_room.then_some(AgentEvent::Notify {
+                if text.len() > MAX_NOTICE || !self.notices.take(1, now) {
+                    return None;
+                }
+                Some(AgentEvent::Notify {
                     behaviour,
-                    text,
+                    text: sanitize::text(&text, false),
                     picture,
                 })
             }

@@ -17,8 +17,6 @@ use crate::script::Limits;
 const NAME: &str = "store.json";
 /// The name given to a damaged file.
 const BAD: &str = "store.json.bad";
-/// Prefix of the temporary files that earlier versions left behind.
-const UNFINISHED: &str = ".store-";
 /// Maximum length of a file that is read: twice the maximum that is ever written.
 const LONGEST: u64 = 2 << 20;
 /// Interval between writes: including the write itself, the file is at most 1 s old.
@@ -199,9 +197,11 @@ impl StoreWriter {
         }
         self.collect_failures();
         let error = self.error.take()?;
-        let new = self.last_error.as_ref() != Some(&error);
+        if self.last_error.as_ref() == Some(&error) {
+            return None;
+        }
         self.last_error = Some(error.clone());
-        new.then_some(error)
+        Some(error)
     }
 
     /// Waits for the thread, then writes the remaining content. Returns why that failed.
@@ -264,7 +264,7 @@ fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
         let words = format!("the disk has less than {free} bytes left");
         return Err(io::Error::other(words));
     }
-    folder.sweep(UNFINISHED)?;
+    folder.sweep()?;
     folder.replace_durably(NAME, content)
 }
 
@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn leftover_temporary_files_are_removed() {
         let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
+        fs::write(root.path().join(".unfinished-7.jpg"), "JP").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();
         let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
         assert_eq!(writer.read().unwrap().unwrap(), b"{}");

@@ -30,17 +30,9 @@ const STOP_TIME: Duration = Duration::from_millis(700);
 const STALL: Duration = Duration::from_millis(200);
 
 /// Tells a running behaviour to end.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
-}
-
-impl Default for Handle {
-    fn default() -> Handle {
-        Handle {
-            stop: watch::Sender::new(None),
-        }
-    }
 }
 
 impl Handle {
@@ -67,6 +59,7 @@ pub struct Supervisor {
     frame_progress: FrameProgress,
     dropped: u64,
     repl_channel: Option<ReplChannel>,
+    is_running: bool,
     liveness: Option<Liveness>,
     viewers: ViewerChannel,
     /// Parameter changes by users.
@@ -75,7 +68,6 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Registers a prepared behaviour with the pilot.
     pub async fn register(
         host: Prepared,
         role: Role,
@@ -104,6 +96,7 @@ impl Supervisor {
             frame_progress: FrameProgress::default(),
             dropped: 0,
             repl_channel: None,
+            is_running: false,
             liveness: None,
             param_changes: viewers.params().changes(),
             viewers,
@@ -139,9 +132,11 @@ impl Supervisor {
     /// Sets how long the host may be silent before it is ended, whether it drives or not. While it
     /// drives, the watchdog is stricter.
     #[must_use]
-    pub fn with_longest_silence(self, limit: Duration) -> Supervisor {
-        let liveness = self.host.in_real_time.then(|| Liveness::new(limit));
-        Supervisor { liveness, ..self }
+    pub fn with_longest_silence(mut self, limit: Duration) -> Supervisor {
+        if self.host.in_real_time {
+            self.liveness = Some(Liveness::new(limit));
+        }
+        self
     }
 
     /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
@@ -183,76 +178,89 @@ impl Supervisor {
     /// Serves the behaviour until it has ended; `None` if its host ended without a report.
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<ScriptExit> {
         let mut last_moment = None;
-        let mut running = false;
         let picture = self.inbox.picture();
         loop {
             tokio::select! {
-                            biased;
-                            message = self.inbox.next() => match message {
-                                PilotMessage::Event(event) => {
-                                    let answer = event.is_answer();
-            let go = event.is_welcome() && !running;
-                                    if !self.pass_on(ToHost::Event(event)) && answer {
-                                        return Some(self.queue_full_exit());
-                                    }
-                                    if go && self.pass_on(ToHost::Run) {
-                                        running = true;
-                                        self.liveness.iter_mut().for_each(Liveness::reset);
-                                    }
-                                }
-                                PilotMessage::Kill(reason) => return Some(self.killed_exit(reason)),
-                                PilotMessage::Closed => return Some(self.killed_exit(EndReason::Shutdown)),
-                            },
-                            Some(reason) = requested(stop), if last_moment.is_none() => {
-                                self.pass_on(ToHost::Stop(reason));
-                                running = running || self.pass_on(ToHost::Run);
-                                last_moment = Some((Instant::now() + STOP_TIME, reason));
-                            }
-                            () = until(last_moment.map(|(moment, _)| moment)) => match &mut last_moment {
-                                Some((moment, _)) if Instant::now() > *moment + STALL => {
-                                    *moment = Instant::now() + STOP_TIME;
-                                }
-                                ended => return ended.map(|(_, reason)| self.killed_exit(reason)),
-                            },
-                            Ok(change) = self.param_changes.recv() => {
-                                if change.behaviour == self.host.name {
-                                    let name = change.name;
-            let value = change.value;
-                                    self.pass_on(ToHost::SetParam { name, value });
-                                }
-                            }
-                            command = repl_channel::next(&mut self.repl_channel) => {
-                                if !self.pass_on(command.into()) {
-                                    return Some(self.queue_full_exit());
-                                }
-                            }
-                            message = self.host.from_host.next() => match message {
-                                Ok(Some(FromHost::Ended(exit))) => return Some(exit),
-                                Ok(Some(message)) => {
-                                    if let Some(liveness) = &mut self.liveness
-                                        && running
-                                    {
-                                        liveness.reset();
-                                    }
-                                    self.handle_message(message).await;
-                                }
-                                Ok(None) => return None,
-                                Err(error) => {
-                                    debug!("the pipe to a host broke: {error}");
-                                    return None;
-                                }
-                            },
-                            () = picture.notified(), if self.frame_wanted => self.pass_picture(),
-                            () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
-                                if self.liveness.as_mut().is_some_and(Liveness::is_over) {
-                                    return Some(self.unresponsive_exit());
-                                }
-                            }
-                        }
+                biased;
+                message = self.inbox.next() => {
+                    if let Some(exit) = self.handle_pilot(message) {
+                        return Some(exit);
+                    }
+                }
+                Some(reason) = requested(stop), if last_moment.is_none() => {
+                    self.pass_on(ToHost::Stop(reason));
+                    self.is_running = self.is_running || self.pass_on(ToHost::Run);
+                    last_moment = Some((Instant::now() + STOP_TIME, reason));
+                }
+                () = until(last_moment.map(|(moment, _)| moment)) => match &mut last_moment {
+                    Some((moment, _)) if Instant::now() > *moment + STALL => {
+                        *moment = Instant::now() + STOP_TIME;
+                    }
+                    ended => return ended.map(|(_, reason)| self.killed_exit(reason)),
+                },
+                Ok(change) = self.param_changes.recv() => self.set_param(change),
+                command = repl_channel::next(&mut self.repl_channel) => {
+                    if !self.pass_on(command.into()) {
+                        return Some(self.queue_full_exit());
+                    }
+                }
+                message = self.host.from_host.next() => match message {
+                    Ok(Some(FromHost::Ended(exit))) => return Some(exit),
+                    Ok(Some(message)) => self.handle_message(message).await,
+                    Ok(None) => return None,
+                    Err(error) => {
+                        debug!("the pipe to a host broke: {error}");
+                        return None;
+                    }
+                },
+                () = picture.notified(), if self.frame_wanted => self.pass_picture(),
+                () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
+                    if self.liveness.as_mut().is_some_and(Liveness::is_over) {
+                        return Some(self.unresponsive_exit());
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns the exit if the behaviour has ended with this message.
+    fn handle_pilot(&mut self, message: PilotMessage) -> Option<ScriptExit> {
+        let event = match message {
+            PilotMessage::Event(event) => event,
+            PilotMessage::Kill(reason) => return Some(self.killed_exit(reason)),
+            PilotMessage::Closed => return Some(self.killed_exit(EndReason::Shutdown)),
+        };
+        let is_answer = event.is_answer();
+        let starts = event.is_welcome() && !self.is_running;
+        if !self.pass_on(ToHost::Event(event)) && is_answer {
+            return Some(self.queue_full_exit());
+        }
+        if starts && self.pass_on(ToHost::Run) {
+            self.is_running = true;
+            self.reset_liveness();
+        }
+        None
+    }
+
+    fn set_param(&mut self, change: ParamChange) {
+        if change.behaviour == self.host.name {
+            self.pass_on(ToHost::SetParam {
+                name: change.name,
+                value: change.value,
+            });
+        }
+    }
+
+    fn reset_liveness(&mut self) {
+        if let Some(liveness) = &mut self.liveness {
+            liveness.reset();
         }
     }
 
     async fn handle_message(&mut self, message: FromHost) {
+        if self.is_running {
+            self.reset_liveness();
+        }
         let by = self.host.by;
         let request = match message {
             FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
@@ -374,7 +382,7 @@ impl Supervisor {
             .map_or(0.0, |liveness| liveness.limit.as_secs_f64());
         let text = format!(
             "{}: showed no life for {limit} s, within one call that cannot be interrupted; make its \
-             work smaller (`watchdog: {{ host_idle_silence: ... }}` is how long it may take)",
+             work smaller",
             self.host.name
         );
         exit(EndReason::Cpu, &text)
@@ -467,7 +475,11 @@ impl FrameProgress {
             (self.seq, self.passed) = (*seq, 0);
         }
         let at = std::mem::replace(&mut self.passed, jpeg.len());
-        (at < jpeg.len()).then(|| (at, jpeg.slice(at..)))
+        if at < jpeg.len() {
+            Some((at, jpeg.slice(at..)))
+        } else {
+            None
+        }
     }
 }
 

@@ -21,10 +21,8 @@ const PERIOD: Duration = Duration::from_millis(250);
 /// A save is complete when the file has not changed for this long.
 const SETTLED: Duration = Duration::from_millis(200);
 
-/// A script's new text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reload {
-    /// The text, exactly as in the file.
     pub source: Vec<u8>,
 }
 
@@ -34,7 +32,6 @@ pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
     Ok(files::read_beginning(file, MAX_SOURCE as u64 + 1)?)
 }
 
-/// Watches a script's file and its modules.
 #[derive(Debug)]
 pub struct ScriptWatcher {
     file: PathBuf,
@@ -56,7 +53,6 @@ impl ScriptWatcher {
         }
     }
 
-    /// Also watches the modules that this library has read.
     #[must_use]
     pub fn with_modules(self, library: Library) -> ScriptWatcher {
         ScriptWatcher { library, ..self }

@@ -14,7 +14,6 @@ pub enum Severity {
     Warning,
 }
 
-/// One problem in a script.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
     /// The file, as it was named by the caller.

@@ -30,7 +30,6 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     ))
 }
 
-/// Same as [`explain`], in parts.
 pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> {
     let rest = text.strip_prefix(chunk)?.strip_prefix(':')?;
     let (line, words) = rest.split_once(": ")?;

@@ -109,9 +109,10 @@ impl<'a> Parser<'a> {
     }
 
     fn expect(&mut self, word: &str) -> Parsed<()> {
-        self.accept(word)
-            .then_some(())
-            .ok_or_else(|| self.parse_error())
+        if self.accept(word) {
+            return Ok(());
+        }
+        Err(self.parse_error())
     }
 
     fn parse_error(&self) -> ParseError {

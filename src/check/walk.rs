@@ -165,6 +165,15 @@ impl<'a> Walk<'a> {
                 self.expr(call);
                 self.unused(call);
             }
+            S::Return(values) => self.exprs(values),
+            S::Leave | S::Type => {}
+            _ => self.blocks(statement),
+        }
+    }
+
+    fn blocks(&mut self, statement: &'a Statement) {
+        use StatementKind as S;
+        match &statement.kind {
             S::While(condition, block) => {
                 self.condition(condition);
                 self.endless(statement, condition, block);
@@ -191,9 +200,8 @@ impl<'a> Walk<'a> {
                 self.block(block);
                 self.condition(condition);
             }
-            S::Return(values) => self.exprs(values),
             S::Do(block) => self.block(block),
-            S::Leave | S::Type => {}
+            _ => {}
         }
     }
 

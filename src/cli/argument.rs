@@ -11,12 +11,7 @@ use crate::clock::ClockError;
 pub(super) enum ArgumentError {
     /// A whole number, such as `test --seeds`.
     #[error("expected a whole number from {low} to {high}")]
-    Whole {
-        /// The least.
-        low: u64,
-        /// The greatest.
-        high: u64,
-    },
+    Whole { low: u64, high: u64 },
     /// `learn --name`.
     #[error("expected a letter followed by letters, digits, _ or -, at most {0} characters in all")]
     Colour(usize),

@@ -119,7 +119,7 @@ impl Assembly {
         let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
         let attempts = ConnectAttempts::default();
-        let link = config.link.clone();
+        let link = crate::link::Options::default();
         let mut connector = connector(target.clone(), setup.login, link.clone());
         if setup.waits {
             connector = retry_until_connected(connector, link, setup.seed, attempts.clone());

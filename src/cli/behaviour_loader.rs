@@ -20,18 +20,14 @@ use crate::script::{self, GivenParam};
 /// A watched behaviour file and the channel for its reloads.
 pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Reload>);
 
-/// Builds the behaviours of a command.
 pub(super) struct BehaviourLoader<'a> {
     pub(super) config: &'a Config,
     /// The config's file, for messages.
     pub(super) file: Option<&'a Path>,
-    /// Parameters from the command line.
     pub(super) params: &'a [Param],
     /// Folder for marked copies of the frames that the behaviours look at.
     pub(super) annotate: Option<&'a Path>,
-    /// Overrides the policy of each entry.
     pub(super) restart: Option<RestartPolicy>,
-    /// Whether a reloaded script is checked before it is loaded.
     pub(super) checked: bool,
     /// Whether each behaviour is reloaded when its file is saved.
     pub(super) watch: bool,
@@ -50,7 +46,6 @@ pub(super) struct LoadedBehaviours {
 }
 
 impl BehaviourLoader<'_> {
-    /// Reads the scripts of these entries.
     pub(super) fn load(&self, entries: &[Entry]) -> Result<LoadedBehaviours, Failure> {
         let mut names = Vec::new();
         let mut watches = Vec::new();
@@ -138,7 +133,6 @@ fn spec(behaviour: &Behaviour, file: PathBuf, checked: bool) -> BehaviourSpec {
     })
 }
 
-/// The parameters that the config gives to the script.
 pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
     entry.given(&config.map_or_else(String::new, |config| config.display().to_string()))
 }

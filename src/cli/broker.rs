@@ -28,12 +28,12 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     let certificates = |path: &std::path::PathBuf| {
         files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
             Failure::usage(format_args!(
-                "cannot read the certificates {} (mqtt.tls.ca_file): {error}",
+                "cannot read the certificates {} (mqtt.ca_file): {error}",
                 path.display()
             ))
         })
     };
-    let ca = options.tls.ca_file.as_ref().map(certificates).transpose()?;
+    let ca = options.ca_file.as_ref().map(certificates).transpose()?;
     Ok(Some(Account {
         options,
         password,

@@ -37,7 +37,6 @@ impl ColourArgs {
     }
 }
 
-/// Finds blobs, or learns a colour.
 pub(super) fn run(args: &ColourArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.action {
         Action::Find(args) => find::run(args, console),
@@ -91,23 +90,6 @@ mod tests {
         let colours = of_names(&names, &config()).unwrap();
         assert_eq!(colours[1], Colour::named("red").unwrap());
         assert_ne!(colours[0], colours[1]);
-    }
-
-    #[test]
-    fn an_unknown_name_comes_with_the_nearest_and_the_list() {
-        for (wrong, near) in [("rde", "red"), ("Yelow", "yellow"), ("socks", "sock")] {
-            let report = of_name(wrong, &config()).unwrap_err().report();
-            assert!(
-                report.contains(&format!("did you mean '{near}'")),
-                "{report}"
-            );
-            assert!(
-                report.contains("magenta") && report.contains("sock"),
-                "{report}"
-            );
-        }
-        let report = of_name("chartreuse", &config()).unwrap_err().report();
-        assert!(!report.contains("did you mean"), "{report}");
     }
 
     #[test]

@@ -26,7 +26,6 @@ pub(super) struct CompletionsArgs {
     shell: Shell,
 }
 
-/// Prints the completions to stdout.
 pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
     // The names are set only here: elsewhere a wrong name must reach the suggestions. Names with
     // colons are left out, as shells split words at colons.

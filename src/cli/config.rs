@@ -54,7 +54,6 @@ struct ShowArgs {
 }
 
 impl ConfigArgs {
-    /// The settings of the chosen subcommand, if it uses any.
     pub(super) fn settings(&self) -> Option<&SettingsArgs> {
         match &self.action {
             Action::Show(args) => Some(&args.settings),

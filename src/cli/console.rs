@@ -13,9 +13,8 @@ use tracing_subscriber::fmt::MakeWriter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
-use super::LogFormat;
 use super::screen::{Features, Screen};
-use crate::config::{Logging, When};
+use crate::config::LogFormat;
 use crate::rate_limit::{Budget, Repeats};
 
 /// Length of the queue. Records that find it full are dropped and counted.
@@ -67,25 +66,17 @@ struct Shared {
 }
 
 impl Console {
-    /// Starts the thread that writes to stderr.
-    ///
-    /// # Errors
-    /// The system cannot start a thread.
-    pub fn start(format: LogFormat, logging: &Logging) -> io::Result<Console> {
-        let features = features_of_stderr(format, logging.colour);
+    pub fn start(format: LogFormat) -> io::Result<Console> {
+        let features = features_of_stderr(format);
         let day = Budget::new(BYTES_A_DAY);
         Console::with_output(io::stderr(), features, stderr_columns, format, day)
     }
 
     /// Collects the output instead, as if stderr were a file.
-    pub(super) fn collecting(
-        into: Collected,
-        format: LogFormat,
-        logging: &Logging,
-    ) -> io::Result<Console> {
+    pub(super) fn collecting(into: Collected, format: LogFormat) -> io::Result<Console> {
         let features = Features {
             redraw: false,
-            colour: format == LogFormat::Text && logging.colour == When::Always,
+            colour: false,
         };
         let day = Budget::new(BYTES_A_DAY);
         Console::with_output(into, features, || DEFAULT_COLUMNS, format, day)
@@ -121,7 +112,6 @@ impl Console {
         })
     }
 
-    /// Whether to colour log lines.
     pub fn colour(&self) -> bool {
         self.features.colour
     }
@@ -223,7 +213,6 @@ fn now() -> String {
     text
 }
 
-/// The writing thread's side.
 struct ConsoleWriter<W> {
     out: W,
     redirected: Option<Box<dyn Write + Send>>,
@@ -292,7 +281,6 @@ impl<W: Write> ConsoleWriter<W> {
         }
     }
 
-    /// Reports how many records were dropped since the last report.
     fn report_dropped(&mut self) {
         let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {
@@ -339,18 +327,13 @@ impl Write for Collected {
     }
 }
 
-fn features_of_stderr(format: LogFormat, colour: When) -> Features {
+fn features_of_stderr(format: LogFormat) -> Features {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let redraw = io::stderr().is_terminal() && !dumb && format == LogFormat::Text;
     Features {
         redraw,
-        colour: format == LogFormat::Text
-            && match colour {
-                When::Auto => redraw && !no_colour,
-                When::Always => true,
-                When::Never => false,
-            },
+        colour: redraw && !no_colour,
     }
 }
 

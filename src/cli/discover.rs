@@ -35,10 +35,10 @@ pub(super) struct DiscoverArgs {
 
 fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
     let seconds: f64 = text.parse().map_err(|_| ArgumentError::Number)?;
-    let inside = (0.1..=60.0).contains(&seconds);
-    inside
-        .then(|| Duration::from_secs_f64(seconds))
-        .ok_or(ArgumentError::Search)
+    if !(0.1..=60.0).contains(&seconds) {
+        return Err(ArgumentError::Search);
+    }
+    Ok(Duration::from_secs_f64(seconds))
 }
 
 /// Sends the query and prints the robots that answered.

@@ -18,13 +18,9 @@ use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint
 
 const DRIVER_ID: BehaviourId = BehaviourId(0);
 
-/// The parts needed to drive a robot manually.
 pub(super) struct DriverParts {
-    /// Connects to the robot.
     pub(super) connector: Connector,
-    /// The pilot's settings.
     pub(super) settings: Settings,
-    /// The rescue behaviour, if wanted.
     pub(super) rescue: Option<Launch>,
 }
 
@@ -112,7 +108,6 @@ impl Driver {
         Ok(())
     }
 
-    /// The current state of the robot and the watchdog.
     pub(super) fn status(&self) -> Status {
         self.pilot.status()
     }
@@ -127,13 +122,11 @@ impl Driver {
         self.answered(end).await
     }
 
-    /// Goes to the station.
     pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
         let end = self.pilot_client()?.dock(plan).await;
         self.answered(end).await
     }
 
-    /// Leaves the station.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
         let end = self.pilot_client()?.undock(timeout).await;
         self.answered(end).await

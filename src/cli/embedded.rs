@@ -43,7 +43,7 @@ impl EmbeddedSim {
         let options = Options {
             login: login.clone(),
             seed,
-            faults: kind.faults.then(Vec::new),
+            faults: if kind.faults { Some(Vec::new()) } else { None },
             firmware: kind.firmware,
             ..Options::default()
         };

@@ -9,7 +9,6 @@ use crate::link::LinkError;
 /// The exit codes. Their numbers are stable: scripts that call `spykee` rely on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
-    /// Success.
     Done = 0,
     /// A behaviour failed, the robot did not carry out a command, or the system refused a file, a
     /// socket or a process.
@@ -47,7 +46,6 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Creates a failure from an exit code and a message.
     pub fn new(exit: Exit, what: impl Display) -> Failure {
         Failure {
             exit,
@@ -81,7 +79,6 @@ impl Failure {
         Failure::new(Exit::Failed, what)
     }
 
-    /// Adds a help text.
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Failure {
         Failure {
@@ -90,7 +87,6 @@ impl Failure {
         }
     }
 
-    /// The text for stderr.
     pub fn report(&self) -> String {
         match &self.help {
             Some(help) => format!("error: {}\nhelp: {help}", self.what),

@@ -100,10 +100,8 @@ impl Topic {
     }
 }
 
-/// Default maximum number of entries.
 const DEFAULT_LIMIT: u32 = 1000;
 
-/// Prints the journal.
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();
@@ -174,17 +172,17 @@ fn list(
 }
 
 fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {
-    match topic {
-        Topic::All => view::all(records, zone),
-        Topic::Battery => view::battery(records, zone),
-        Topic::Link => view::link(records, zone),
-        Topic::Docks => view::docks(records, zone),
-        Topic::Alarms => view::all(records, zone),
-        Topic::Runs => view::runs(&runs::runs(records), zone),
-        Topic::Pictures => view::pictures(records, zone),
-        Topic::Entries => view::entries(records, zone),
-        Topic::Messages => view::messages(records, zone),
-    }
+    let columns: &'static [&'static str] = match topic {
+        Topic::All | Topic::Alarms => &["time", "robot", "event", "what"],
+        Topic::Battery => &["time", "robot", "percent", "charging"],
+        Topic::Link => &["time", "robot", "link", "what"],
+        Topic::Docks => &["time", "robot", "event", "by", "end", "attempts", "seconds"],
+        Topic::Runs => return View::of_runs(&runs::runs(records), zone),
+        Topic::Pictures => &["time", "behaviour", "path"],
+        Topic::Entries => &["time", "behaviour", "kind", "fields"],
+        Topic::Messages => &["time", "behaviour", "text", "picture"],
+    };
+    View::new(columns, records, zone)
 }
 
 fn unreadable(error: crate::journal::JournalError) -> Failure {

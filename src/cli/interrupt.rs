@@ -52,7 +52,6 @@ impl TerminatingSignals {
         signals.map(TerminatingSignals)
     }
 
-    /// Waits for the next signal.
     pub(super) async fn next(&mut self) {
         poll_fn(|context| {
             // Polls all of them, so that each can wake this task.

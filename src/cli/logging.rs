@@ -3,7 +3,6 @@
 use std::fmt;
 use std::time::Instant;
 
-use jiff::tz::TimeZone;
 use tracing::Dispatch;
 use tracing::dispatcher::DefaultGuard;
 use tracing::field::{Field, Visit};
@@ -14,8 +13,8 @@ use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 
-use super::{Console, LogFormat};
-use crate::config::{Level, Logging, Time};
+use super::Console;
+use crate::config::{Level, LogFormat};
 use crate::live::LogTap;
 use crate::sanitize;
 use crate::simulation;
@@ -33,16 +32,16 @@ fn default_filter(level: Level) -> &'static str {
 
 /// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
 /// used. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat, logs: &Logging) {
+pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
     let complaint = parsed.as_ref().err().map(ToString::to_string);
-    let default = default_filter(logs.level);
+    let default = default_filter(level);
     let filter = parsed.ok().flatten();
     let filter = filter.unwrap_or_else(|| EnvFilter::new(default));
-    let started = tracing::dispatcher::set_global_default(dispatch(console, format, logs, filter));
+    let started = tracing::dispatcher::set_global_default(dispatch(console, format, filter));
     if let (Ok(()), Some(complaint)) = (started, complaint) {
         tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {default}");
     }
@@ -52,16 +51,16 @@ pub(super) fn start(console: &Console, format: LogFormat, logs: &Logging) {
 pub(super) fn start_on_this_thread(
     console: &Console,
     format: LogFormat,
-    logs: &Logging,
+    level: Level,
 ) -> DefaultGuard {
-    let filter = EnvFilter::new(default_filter(logs.level));
-    tracing::dispatcher::set_default(&dispatch(console, format, logs, filter))
+    let filter = EnvFilter::new(default_filter(level));
+    tracing::dispatcher::set_default(&dispatch(console, format, filter))
 }
 
-fn dispatch(console: &Console, format: LogFormat, logs: &Logging, filter: EnvFilter) -> Dispatch {
+fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_timer(Clock::new(logs.time, console.has_status_line()))
+        .with_timer(Clock::new(console.has_status_line()))
         .with_writer(console.clone())
         .with_ansi(console.colour());
     match format {
@@ -80,44 +79,24 @@ fn dispatch(console: &Console, format: LogFormat, logs: &Logging, filter: EnvFil
     }
 }
 
-/// The timestamps: virtual time inside a simulation, such as `+3725.040s`; otherwise the kind of
-/// time that the config selects.
+/// The timestamps: virtual time inside a simulation, such as `+3725.040s`; on a terminal the time
+/// since the start; UTC elsewhere.
 struct Clock {
-    started: Instant,
-    time: Time,
-    zone: TimeZone,
+    since: Option<Instant>,
 }
 
 impl Clock {
-    fn new(time: Time, terminal: bool) -> Clock {
-        let time = match (time, terminal) {
-            (Time::Auto, true) => Time::Run,
-            (Time::Auto, false) => Time::Utc,
-            (time, _) => time,
-        };
-        let started = Instant::now();
-        let zone = match time {
-            Time::Local => TimeZone::system(),
-            _ => TimeZone::UTC,
-        };
-        Clock {
-            started,
-            time,
-            zone,
-        }
+    fn new(terminal: bool) -> Clock {
+        let since = if terminal { Some(Instant::now()) } else { None };
+        Clock { since }
     }
 }
 
 impl FormatTime for Clock {
     fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
-        let run =
-            simulation::now().or_else(|| (self.time == Time::Run).then(|| self.started.elapsed()));
-        match run {
+        let since_start = || self.since.map(|start| start.elapsed());
+        match simulation::now().or_else(since_start) {
             Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
-            None if self.time == Time::Local => {
-                let now = jiff::Timestamp::now().to_zoned(self.zone.clone());
-                write!(writer, "{}", now.strftime("%Y-%m-%dT%H:%M:%S%.3f%:z"))
-            }
             None => SystemTime.format_time(writer),
         }
     }

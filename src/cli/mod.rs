@@ -59,12 +59,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::config::{Format, Logging};
+use crate::config::{Level, LogFormat};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
 use crate::scenario::{SCENARIO_PROCESS, scenario_process_main};
-use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
 pub use console::Console;
@@ -89,24 +89,6 @@ struct Cli {
     /// Format of the log on stderr [default: text]; $RUST_LOG filters it
     #[arg(long, value_enum, global = true)]
     log_format: Option<LogFormat>,
-}
-
-impl From<Format> for LogFormat {
-    fn from(format: Format) -> LogFormat {
-        match format {
-            Format::Text => LogFormat::Text,
-            Format::Json => LogFormat::Json,
-        }
-    }
-}
-
-/// The format of the log.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum LogFormat {
-    /// Text for people
-    Text,
-    /// One JSON object per line
-    Json,
 }
 
 // In the order of `--help`: run behaviours, tools for active runs, robots, writing behaviours,
@@ -215,18 +197,16 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format, logs: &Logging| {
+    let start_logging = |console: &Console, format, level| {
         report_panics(console.clone());
-        logging::start(console, format, logs);
+        logging::start(console, format, level);
     };
     execute(cli, Console::start, start_logging).into()
 }
 
-/// What [`run_for_test`] returns.
 #[derive(Debug)]
 pub struct TestOutput {
     pub code: u8,
-    /// What was written to stdout.
     pub out: String,
     /// What was written to stderr: log and error messages.
     pub err: String,
@@ -250,7 +230,7 @@ pub fn run_for_test(args: &[&str]) -> TestOutput {
         }
     };
     let err = console::Collected::default();
-    let start_console = |format, logs: &Logging| Console::collecting(err.clone(), format, logs);
+    let start_console = |format| Console::collecting(err.clone(), format);
     COLLECTED_STDOUT.set(Some(String::new()));
     let exit = execute(cli, start_console, logging::start_on_this_thread);
     TestOutput {
@@ -272,8 +252,8 @@ fn exit_of(error: &clap::Error) -> Exit {
 /// Starts console and logging as given, runs the subcommand, and writes its error if it fails.
 fn execute<Guard>(
     cli: Cli,
-    start_console: impl FnOnce(LogFormat, &Logging) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat, &Logging) -> Guard,
+    start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
+    start_logging: impl FnOnce(&Console, LogFormat, Level) -> Guard,
 ) -> Exit {
     // An invalid config is reported by the subcommand that needs it.
     let named = match cli.command {
@@ -287,11 +267,11 @@ fn execute<Guard>(
     let settings = own.unwrap_or(&default_settings);
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
-    let format = cli.log_format.unwrap_or(logs.format.into());
-    let Ok(console) = start_console(format, &logs) else {
+    let format = cli.log_format.unwrap_or(logs.format);
+    let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format, &logs);
+    let _logging = start_logging(&console, format, logs.level);
     if let Some(own) = own {
         own.warn_about_variables();
     }
@@ -335,7 +315,7 @@ fn report_panics(console: Console) {
 }
 
 /// The message given to `panic!`, if it is text.
-fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
+fn payload_text(payload: &dyn std::any::Any) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")

@@ -11,7 +11,6 @@ use super::{Exit, Failure, print};
 use crate::api;
 use crate::config;
 
-/// Maximum length of a name.
 const MAX_NAME: usize = 64;
 
 /// Create a folder for a new behaviour: script, config, scenarios, completion for editors
@@ -38,7 +37,6 @@ enum Template {
 }
 
 impl Template {
-    /// The behaviour and its test.
     fn texts(self) -> (&'static str, &'static str) {
         match self {
             Template::Patrol => (
@@ -64,7 +62,10 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
         && text.chars().all(usual)
         && text.len() <= MAX_NAME
         && !text.ends_with("_test");
-    right.then(|| text.to_owned()).ok_or(ArgumentError::Project)
+    if !right {
+        return Err(ArgumentError::Project);
+    }
+    Ok(text.to_owned())
 }
 
 /// Creates the folder. Does not change an existing one.
@@ -92,7 +93,6 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
     written.map_err(|error| Failure::unwritable(path, error))
 }
 
-/// All files to write, as (name, text).
 fn files(name: &str, template: Template) -> Vec<(String, String)> {
     let (behaviour, test) = template.texts();
     let own = |text: &str| text.replace("{{NAME}}", name);

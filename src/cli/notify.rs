@@ -160,15 +160,12 @@ fn tokens<'a>(
     Ok(tokens)
 }
 
-/// Refuses targets of a config that was found in the current folder if they start programs, use a
-/// broker or send environment variables: such a config may have come from anywhere.
+/// Refuses targets of a config that was found in the current folder if they start programs or use
+/// a broker: such a config may have come from anywhere.
 fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
     let what = match target {
         Target { command, .. } if !command.is_empty() => "runs a program",
         Target { topic: Some(_), .. } => "uses a broker",
-        Target {
-            token_env: Some(_), ..
-        } => "sends an environment variable",
         _ => return Ok(()),
     };
     let config = config.display();
@@ -182,13 +179,6 @@ fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
 }
 
 fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<String>, Failure> {
-    if let Some(variable) = &target.token_env {
-        return std::env::var(variable).map(Some).map_err(|_| {
-            Failure::usage(format_args!(
-                "the target {name} needs the environment variable {variable}, which is not set"
-            ))
-        });
-    }
     let Some(path) = &target.token_file else {
         return Ok(None);
     };

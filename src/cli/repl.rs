@@ -24,6 +24,7 @@ use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
 use crate::guardian::GuardianFiles;
+use crate::link;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{EditorCommand, Next, Typed};
@@ -64,7 +65,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let (target, sim) = resolve_or_simulate(choice, &login, seed)?;
     refuse_if_stopped(&config, sim.is_some())?;
     let core = driving_core()?;
-    let connector = connector(target, login, config.link.clone());
+    let connector = connector(target, login, link::Options::default());
     let settings = config.pilot(sim.is_some(), seed);
     let files = GuardianFiles {
         stop_socket: None,
@@ -122,16 +123,7 @@ async fn run_session(
         handle_signals(&core, requests, stop.clone())?;
         None
     };
-    let mut repl = Repl {
-        commands: Some(commands),
-        to_editor,
-        console: console.clone(),
-        interactive,
-        begun: false,
-        running: false,
-        failed: false,
-        terminal_due: None,
-    };
+    let mut repl = Repl::new(commands, to_editor, console.clone(), interactive);
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
     thread
@@ -173,13 +165,30 @@ struct Repl {
     begun: bool,
     /// Whether a line is running and the prompt waits for it.
     running: bool,
-    /// Whether a line has failed.
     failed: bool,
     /// Deadline of the terminal for showing a prompt.
     terminal_due: Option<Instant>,
 }
 
 impl Repl {
+    fn new(
+        commands: mpsc::Sender<PromptCommand>,
+        to_editor: mpsc::Sender<EditorCommand>,
+        console: Console,
+        interactive: bool,
+    ) -> Repl {
+        Repl {
+            commands: Some(commands),
+            to_editor,
+            console,
+            interactive,
+            begun: false,
+            running: false,
+            failed: false,
+            terminal_due: None,
+        }
+    }
+
     fn take(&mut self, typed: Typed) {
         match typed {
             Typed::Ready => self.terminal_due = None,

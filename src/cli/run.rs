@@ -259,7 +259,6 @@ fn fast(
             ..sim::Options::default()
         },
         limits: config.watchdog.clone(),
-        link: config.link.clone(),
         streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
         date: args

@@ -7,7 +7,6 @@ const CLEAR_LINE: &str = "\r\x1b[K";
 /// Replaces a line break within a record, so that no text can imitate a new record.
 const CONTINUATION: &str = "\n  ";
 
-/// Features of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Features {
     /// Whether a line can be redrawn in place.

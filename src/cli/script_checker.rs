@@ -8,11 +8,9 @@ use crate::behaviour::{Inspected, Inspector, Library};
 use crate::check::{Diagnostic, Required};
 use crate::script::{ModuleFile, Options};
 
-/// Checks scripts; see the module.
 pub(super) struct ScriptChecker {
     inspector: Inspector,
     seen: BTreeSet<PathBuf>,
-    /// The diagnostics, in the order of the files.
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
@@ -34,7 +32,6 @@ impl ScriptChecker {
         })
     }
 
-    /// The number of files checked.
     pub(super) fn count(&self) -> usize {
         self.seen.len()
     }

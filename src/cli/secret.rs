@@ -87,7 +87,6 @@ fn read_pipe(number: &OsStr) -> Option<Vec<u8>> {
     Some(password)
 }
 
-/// The password from the environment, if it is set.
 pub(super) fn from_environment() -> Result<Option<String>, Failure> {
     let given = PASSWORD
         .lock()

@@ -75,16 +75,13 @@ pub(super) struct ServeArgs {
     connection: ConnectionArgs,
 }
 
-/// Serves until a signal ends it.
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     let choice = robot_choice(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
     let simulated = matches!(choice, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
-    if !simulated || config.service.user.is_some() {
-        drop_root(config.service.user.as_deref(), config.data_folder())?;
-    }
+    become_user(&config, simulated)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loader = plan_loader(args, console, seed, clock);
@@ -129,6 +126,15 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     exit(outcome?)
 }
 
+/// A service of a simulated robot keeps its user, unless the config names one.
+fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
+    let user = config.service.user.as_deref();
+    if simulated && user.is_none() {
+        return Ok(());
+    }
+    drop_root(user, config.data_folder())
+}
+
 fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> PlanLoader {
     PlanLoader {
         settings: args.settings.clone(),
@@ -144,7 +150,6 @@ fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> 
     }
 }
 
-/// The parts needed to run a service.
 struct ServiceParts {
     parts: RunParts,
     clock: Clock,

@@ -67,7 +67,6 @@ impl SettingsArgs {
         (**read).as_ref().map_err(Failure::usage)
     }
 
-    /// The settings without their origins.
     pub(super) fn config(&self) -> Result<&Config, Failure> {
         Ok(&self.load()?.config)
     }
@@ -118,7 +117,6 @@ impl SettingsArgs {
         }
     }
 
-    /// Logs which file is used.
     pub(super) fn announce(&self) {
         if let Some(path) = self.file() {
             tracing::info!("settings from {}", path.display());

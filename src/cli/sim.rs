@@ -146,7 +146,6 @@ pub(super) struct FirmwareArgs {
 }
 
 impl FirmwareArgs {
-    /// Loads the firmware from the file, or returns the default.
     pub(super) fn load(&self) -> Result<Firmware, Failure> {
         let Some(path) = &self.firmware else {
             return Ok(Firmware::default());

@@ -54,7 +54,6 @@ impl StatusLine {
         }
     }
 
-    /// The line for a terminal.
     pub(super) fn draw(&mut self, status: &Status) -> String {
         self.count(status.frames);
         let battery = status.battery.map_or_else(|| "-".to_owned(), battery);

@@ -2,12 +2,9 @@
 
 use crate::sanitize;
 
-/// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
-    /// For words.
     Left,
-    /// For numbers.
     Right,
 }
 

@@ -170,7 +170,6 @@ fn test_files(
     files.into_iter().map(read).collect()
 }
 
-/// The jobs to run, in the order of the files.
 fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<job_pool::Job<'a>> {
     let wanted = |file: &Path, scenario: &Scenario| {
         let text = args.filter.as_deref().unwrap_or_default();

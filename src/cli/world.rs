@@ -11,7 +11,6 @@ use super::embedded::load;
 use super::{Exit, Failure, print};
 use crate::sim::{Handle, World};
 
-/// What to do with worlds.
 #[derive(Debug, Clone, clap::Subcommand)]
 pub(super) enum WorldAction {
     /// Draw the map of a world

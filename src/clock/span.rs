@@ -26,7 +26,6 @@ const UNITS: [(char, u64); 4] = [
 pub struct Span(u64);
 
 impl Span {
-    /// Creates a span of this many minutes.
     pub const fn minutes(minutes: u64) -> Span {
         Span(minutes * 60_000)
     }
@@ -51,7 +50,6 @@ impl Span {
         }
     }
 
-    /// Returns the span as a [`Duration`].
     pub fn get(self) -> Duration {
         Duration::from_millis(self.0)
     }

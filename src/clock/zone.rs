@@ -12,7 +12,6 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::ClockError;
 
-/// A time zone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Zone {
     name: String,
@@ -45,7 +44,6 @@ impl Zone {
         instant.to_zoned(self.rules.clone())
     }
 
-    /// Returns the rules of the zone.
     pub fn time_zone(&self) -> &tz::TimeZone {
         &self.rules
     }

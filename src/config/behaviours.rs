@@ -14,7 +14,6 @@ use crate::robot::Priority;
 use crate::script::{GivenParam, ParamOrigin, ParamValue};
 use crate::yaml;
 
-/// One behaviour.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
@@ -71,9 +70,6 @@ impl Entry {
     }
 
     /// Its name, or else the name of its file without the extension.
-    ///
-    /// # Errors
-    /// A file name that is not valid as a behaviour's name.
     pub fn name(&self) -> Result<String, NameError> {
         match &self.name {
             Some(name) => Ok(name.clone()),

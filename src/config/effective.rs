@@ -12,13 +12,10 @@ use crate::notify;
 /// The config that is read if it is in the current folder and no other is named.
 const DEFAULT_FILE: &str = "spykee.yaml";
 
-/// The variable with the robot's password.
 pub const PASSWORD_VARIABLE: &str = "SPYKEE_PASSWORD";
 /// The variable that tells the restarted program from which pipe to read the password.
 pub const PASSWORD_PIPE_VARIABLE: &str = "SPYKEE_PASSWORD_PIPE";
-/// The variable that names the config file.
 const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
-/// The variable with the robot's address.
 const ROBOT_VARIABLE: &str = "SPYKEE_ROBOT";
 /// The variable for the container's health check, `scripts/packaging/container-health`.
 const HEALTH_PORT_VARIABLE: &str = "SPYKEE_HEALTH_PORT";
@@ -45,7 +42,6 @@ pub struct Setting {
     pub origin: String,
 }
 
-/// Settings with their origins.
 #[derive(Debug, Clone, Default)]
 pub struct Effective {
     pub config: Config,
@@ -115,7 +111,6 @@ impl Effective {
 
     /// Whether another part of the program reads a variable, or sets it for programs that it starts.
     fn is_read_elsewhere(&self, name: &str) -> bool {
-        let mut targets = self.config.notify.targets.values();
         [
             FILE_VARIABLE,
             PASSWORD_VARIABLE,
@@ -125,7 +120,6 @@ impl Effective {
         .contains(&name)
             || notify::PROGRAM_VARIABLES.contains(&name)
             || OTHER_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
-            || targets.any(|target| target.token_env.as_deref() == Some(name))
     }
 
     /// The config file if it was found in the current folder, not named: it may come from anywhere,
@@ -252,8 +246,6 @@ mod tests {
 
     #[test]
     fn variables_that_nothing_reads_are_noted() {
-        let token = "notify: { targets: { phone: { url: 'https://a/{token}', \
-                     token_env: SPYKEE_TOKEN } } }";
         let environment = [
             ("SPYKEE_WATCHDOG_LOW", "25"),
             ("SPYKEE_CONFIG", "a.yaml"),
@@ -264,15 +256,11 @@ mod tests {
             ("SPYKEE_TEST_FLEET", "1"),
             ("SPYKEE_PORT_7788_TCP", "tcp://10.96.0.7:7788"),
             ("SPYKEE_SERVICE_HOST", "10.96.0.7"),
-            ("SPYKEE_TOKEN", "x"),
             ("SPYKEE_USER", ""),
             ("WATCHDOG_LO", "25"),
         ];
-        let effective = load(token, &environment).unwrap();
-        assert_eq!(effective.unread_variables, ["SPYKEE_WATCHDOG_LOW"]);
         let effective = load("", &environment).unwrap();
-        let unread = ["SPYKEE_WATCHDOG_LOW", "SPYKEE_TOKEN"];
-        assert_eq!(effective.unread_variables, unread);
+        assert_eq!(effective.unread_variables, ["SPYKEE_WATCHDOG_LOW"]);
     }
 
     #[test]

@@ -10,11 +10,7 @@ pub struct Logging {
     /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
     pub level: Level,
     /// The format, for people or for programs; `--log-format` overrides it.
-    pub format: Format,
-    /// The kind of time at the beginning of each line.
-    pub time: Time,
-    /// When lines are coloured; `NO_COLOR` overrides `auto`.
-    pub colour: When,
+    pub format: LogFormat,
 }
 
 /// The lowest level that is logged.
@@ -33,40 +29,14 @@ pub enum Level {
 }
 
 /// The format of log lines.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
-pub enum Format {
+pub enum LogFormat {
     /// Text for people.
     #[default]
     Text,
     /// One JSON object per line.
     Json,
-}
-
-/// The kind of time in log lines. In virtual time it is always the time since the start.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Time {
-    /// The time since the start on a terminal, UTC in files and pipes.
-    #[default]
-    Auto,
-    /// The time since the start, in seconds.
-    Run,
-    /// UTC, with the date.
-    Utc,
-    /// The computer's time zone, with the date.
-    Local,
-}
-
-/// When to use colours.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum When {
-    /// On a terminal.
-    #[default]
-    Auto,
-    /// Also in files and pipes.
-    Always,
-    /// Not at all.
-    Never,
 }

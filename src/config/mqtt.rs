@@ -6,16 +6,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::link::{host_of, is_host_name};
-use crate::robot::{Seconds, whole_within};
+use crate::robot::whole_within;
 use crate::yaml;
 
-/// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
-/// What `host` must be.
 const HOST_EXPECTED: &str =
     "the name or the address of a broker, such as broker.local, without scheme and port";
-/// Minimum of `longest_pause`; shorter pauses would flood an unreachable broker with attempts.
-const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 
 /// The MQTT broker. MQTT is off without a host.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -32,26 +28,13 @@ pub struct Mqtt {
     pub user: Option<String>,
     /// A file with that user's password in its first line.
     pub password_file: Option<PathBuf>,
-    /// Encryption; on if a `ca_file` is named.
-    pub tls: Tls,
+    /// Certificates (PEM) of the authorities that sign the broker's certificate; the connection is
+    /// encrypted if it is named.
+    pub ca_file: Option<PathBuf>,
     /// The first part of all topics.
     pub prefix: String,
     /// The first part of the topics in which Home Assistant looks for devices.
     pub discovery_prefix: String,
-    /// The MQTT keep-alive in seconds; the broker declares the connection broken after one and a
-    /// half times this without a message.
-    pub keep_alive: Seconds,
-    /// The longest pause between two attempts to reach the broker, in seconds.
-    pub longest_pause: Seconds,
-}
-
-/// How the connection to a broker is encrypted.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-#[schemars(rename = "MqttTls")]
-pub struct Tls {
-    /// Certificates (PEM) of the authorities that sign the broker's certificate.
-    pub ca_file: Option<PathBuf>,
 }
 
 impl Default for Mqtt {
@@ -61,31 +44,20 @@ impl Default for Mqtt {
             port: None,
             user: None,
             password_file: None,
-            tls: Tls::default(),
+            ca_file: None,
             prefix: "spykee".to_owned(),
             discovery_prefix: "homeassistant".to_owned(),
-            keep_alive: Seconds::from_secs(20),
-            longest_pause: Seconds::from_secs(30),
         }
     }
 }
 
-/// An invalid value in [`Mqtt`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MqttError {
-    /// A prefix that is not valid in topics.
     #[error(
         "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single slashes in \
          between, at most {LONGEST_PREFIX} characters"
     )]
     Prefix { key: &'static str, prefix: String },
-    /// `keep_alive` is too short.
-    #[error("mqtt.keep_alive: expected at least 1 second")]
-    KeepAlive,
-    /// `longest_pause` is too short.
-    #[error("mqtt.longest_pause: expected at least 0.1 seconds")]
-    LongestPause,
-    /// A password file without a user.
     #[error("mqtt.password_file needs mqtt.user")]
     PasswordFile,
 }
@@ -104,21 +76,14 @@ impl Mqtt {
                 return Err(MqttError::Prefix { key, prefix });
             }
         }
-        if self.keep_alive < Seconds::from_secs(1) {
-            return Err(MqttError::KeepAlive);
-        }
-        if self.longest_pause < SHORTEST_PAUSE {
-            return Err(MqttError::LongestPause);
-        }
         if self.password_file.is_some() && self.user.is_none() {
             return Err(MqttError::PasswordFile);
         }
         Ok(())
     }
 
-    /// Host and port of the broker, if there is one.
     pub fn address(&self) -> Option<(&str, u16)> {
-        let usual = match self.tls.ca_file {
+        let usual = match self.ca_file {
             Some(_) => 8883,
             None => 1883,
         };
@@ -157,7 +122,7 @@ fn host_advice(text: &str) -> String {
     };
     match scheme {
         "mqtts" | "ssl" | "tls" => {
-            format!("{advice}; `tls: {{ ca_file: ca.pem }}` turns encryption on")
+            format!("{advice}; `ca_file: ca.pem` turns encryption on")
         }
         _ => advice,
     }
@@ -191,8 +156,6 @@ mod tests {
             ("{ prefix: '' }", "mqtt.prefix"),
             ("{ discovery_prefix: 'a//b' }", "mqtt.discovery_prefix"),
             ("{ port: 0 }", "a port"),
-            ("{ keep_alive: 0.5 }", "keep_alive"),
-            ("{ longest_pause: 0 }", "longest_pause"),
             ("{ password_file: a }", "mqtt.user"),
         ] {
             let error = checked(text).unwrap_err();
@@ -209,7 +172,7 @@ mod tests {
                 "mqtt://10.0.0.7:1883/",
                 "write `host: 10.0.0.7` and `port: 1883`",
             ),
-            ("mqtts://broker", "`tls: { ca_file: ca.pem }`"),
+            ("mqtts://broker", "`ca_file: ca.pem`"),
             ("broker:0", "expected the name or the address"),
             ("''", "expected the name or the address"),
             ("me@broker", "expected the name or the address"),
@@ -241,7 +204,7 @@ mod tests {
         let address = |text| checked(text).unwrap().address().map(|(_, port)| port);
         assert_eq!(address("{}"), None);
         assert_eq!(address("{ host: a }"), Some(1883));
-        assert_eq!(address("{ host: a, tls: { ca_file: b } }"), Some(8883));
+        assert_eq!(address("{ host: a, ca_file: b }"), Some(8883));
         assert_eq!(address("{ host: a, port: 7 }"), Some(7));
     }
 }

@@ -26,7 +26,6 @@ pub struct Remote {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceUrl(String);
 
-/// The text is not the address of a service.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("expected http://HOST:PORT or https://HOST, such as http://10.0.0.7:7788, found `{0}`")]
 pub struct ServiceUrlError(String);

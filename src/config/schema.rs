@@ -68,7 +68,6 @@ mod tests {
         let config = Config::parse(EXAMPLE, "example").unwrap();
         let usual = Config::default();
         assert_eq!(config.watchdog, usual.watchdog);
-        assert_eq!(config.link, usual.link);
         assert_eq!(config.streams, usual.streams);
         assert_eq!(config.limits, usual.limits);
         assert_eq!(config.calibration, usual.calibration);

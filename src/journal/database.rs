@@ -24,12 +24,10 @@ const CHECKPOINT_PAGES: u32 = 256;
 /// Length to which an empty write-ahead log is truncated, in bytes.
 const LOG_LEN: u32 = 1 << 20;
 
-/// Returns the journal's folder in a data folder.
 pub fn folder(data: &Path) -> PathBuf {
     data.join(FOLDER)
 }
 
-/// Returns the journal's file in a data folder.
 pub fn journal_file(data: &Path) -> PathBuf {
     folder(data).join(FILE)
 }

@@ -7,24 +7,14 @@ use rusqlite::ErrorCode;
 /// Bytes of the disk that must stay free: below that nothing is written.
 pub(super) const FREE: u64 = 16 << 20;
 
-/// Why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// An error of the system.
     #[error("{path}: {source}")]
-    Io {
-        /// The file or folder.
-        path: String,
-        /// The error.
-        source: io::Error,
-    },
-    /// An error of SQLite.
+    Io { path: String, source: io::Error },
     #[error("{0}")]
     Sql(#[from] rusqlite::Error),
-    /// A newer program has written it.
     #[error("a newer spykee has written it (version {found}; this one knows {known})")]
     Newer {
-        /// The file's version.
         found: usize,
         /// The newest version that this program knows.
         known: usize,
@@ -33,10 +23,8 @@ pub enum JournalError {
     /// or another program has changed it.
     #[error("its tables are not those of a journal")]
     Foreign,
-    /// The disk is nearly full.
     #[error("the disk has less than {FREE} bytes left")]
     Disk,
-    /// The system cannot start a thread.
     #[error("no thread for the journal: {0}")]
     Thread(io::Error),
 }

@@ -48,7 +48,6 @@ impl Record {
             .unwrap_or_default()
     }
 
-    /// Returns a numeric field of the event.
     pub fn number(&self, key: &str) -> Option<f64> {
         self.data.get(key).and_then(Value::as_f64)
     }
@@ -59,12 +58,10 @@ impl Record {
     }
 }
 
-/// The kinds of events to read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kinds {
     /// All except battery levels.
     All,
-    /// Only these kinds.
     Of(&'static [&'static str]),
 }
 
@@ -86,23 +83,18 @@ pub struct Span {
 pub struct LevelRange {
     /// The number of the part, from 0.
     pub part: u32,
-    /// The lowest level, in percent.
     pub low: u8,
-    /// The highest level, in percent.
     pub high: u8,
     /// The share of its records with the robot charging, 0..=1.
     pub charging: f64,
 }
 
-/// A journal opened for reading.
 #[derive(Debug)]
 pub struct JournalReader(Connection);
 
 impl JournalReader {
-    /// Opens the journal of a data folder; `None` if there is none.
-    ///
-    /// # Errors
-    /// If it cannot be read, or a newer program has written it.
+    /// Opens the journal of a data folder; `None` if there is none. Fails if a newer
+    /// program has written it.
     pub fn open(data: &Path) -> Result<Option<JournalReader>, JournalError> {
         // SQLite must not follow a symbolic link to the file, so only the folder's path is
         // resolved.
@@ -127,13 +119,13 @@ impl JournalReader {
         }
         schema::validate(&connection, found)?;
         // Version 0: created, but not written yet.
-        Ok((found > 0).then_some(JournalReader(connection)))
+        if found == 0 {
+            return Ok(None);
+        }
+        Ok(Some(JournalReader(connection)))
     }
 
     /// Returns events of these kinds, in the order in which they happened.
-    ///
-    /// # Errors
-    /// If the journal cannot be read.
     pub fn records(&self, kinds: &Kinds, span: &Span) -> Result<Vec<Record>, JournalError> {
         let mut records = Vec::new();
         let newest = format!("DESC LIMIT {}", span.limit());
@@ -144,9 +136,6 @@ impl JournalReader {
 
     /// Passes events of these kinds on one by one, in the order in which they happened; all of the
     /// period, however many.
-    ///
-    /// # Errors
-    /// If the journal cannot be read.
     pub fn visit(
         &self,
         kinds: &Kinds,
@@ -184,9 +173,6 @@ impl JournalReader {
 
     /// Returns the lowest and the highest battery level in each of so many equal parts of a
     /// period, leaving out parts without any.
-    ///
-    /// # Errors
-    /// If the journal cannot be read.
     pub fn levels(
         &self,
         since: Timestamp,
@@ -209,10 +195,6 @@ impl JournalReader {
         Ok(rows.collect::<Result<_, _>>()?)
     }
 
-    /// Returns the battery levels, in their order.
-    ///
-    /// # Errors
-    /// If the journal cannot be read.
     pub fn battery(&self, span: &Span) -> Result<Vec<Record>, JournalError> {
         let (conditions, values) = span.conditions();
         let columns = "at, session, robot, percent, charging";

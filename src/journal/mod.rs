@@ -1,9 +1,6 @@
-//! The journal: a SQLite file in the data folder with the events of an agent's bus: connections,
-//! the battery level, dockings, alarms, runs and their endings, pictures, and entries of scripts.
-//!
-//! A separate thread writes it. If the disk is full, slow or missing, that thread waits but the bus
-//! does not: events that do not fit into the queue are counted, and the count is written once there
-//! is room. A process that is killed loses the events of its last half second.
+//! The journal: a SQLite file in the data folder with the events of an agent's bus. A separate
+//! thread writes it; if the disk is full or slow, events that do not fit into the queue are
+//! counted. A process that is killed loses the events of its last half second.
 
 mod database;
 mod error;
@@ -33,9 +30,8 @@ pub struct Options {
     #[serde(deserialize_with = "days")]
     #[schemars(range(min = 1, max = 36_500))]
     pub keep_days: u64,
-    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted: 64.
-    #[serde(deserialize_with = "mebibytes")]
-    #[schemars(range(min = 1, max = 65_536))]
+    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted.
+    #[serde(skip)]
     pub max_mib: u64,
 }
 
@@ -73,8 +69,4 @@ pub struct RunInfo {
 
 fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
     whole_within(from, "a whole number of days, 1 to 36500", 1..=36_500)
-}
-
-fn mebibytes<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
-    whole_within(from, "a whole number of MiB, 1 to 65536", 1..=65_536)
 }

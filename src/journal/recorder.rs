@@ -143,7 +143,6 @@ impl Recorder {
         self.end();
     }
 
-    /// Adds an event. Returns false if the bus is closed.
     fn handle_event(&mut self, message: BusMessage) -> bool {
         let now = Instant::now();
         match message {

@@ -1,37 +1,21 @@
-//! Time limits of the link, as given in the config (plain seconds).
+//! Time limits of the link.
 
 use std::time::Duration;
 
 use rand::{Rng, RngExt};
-use serde::{Deserialize, Serialize};
 
-/// Time limits of connecting, logging in and giving up. In YAML each is a number of seconds; for a
-/// value out of its range the error names its position.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-#[schemars(rename = "Link")]
+/// Time limits of connecting, logging in and giving up.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// The longest wait for a TCP connection, name lookup included; 0.1 to 120 s, default 5 s.
-    #[serde(with = "seconds::Between::<100, 120_000>")]
-    #[schemars(with = "f64")]
+    /// The longest wait for a TCP connection, name lookup included.
     pub connect_timeout: Duration,
-    /// The longest wait, from the login on, for AUTH_REPLY and the first POWER; 0.1 to 600 s,
-    /// default 10 s.
-    #[serde(with = "seconds::Between::<100, 600_000>")]
-    #[schemars(with = "f64")]
+    /// The longest wait, from the login on, for AUTH_REPLY and the first POWER.
     pub login_timeout: Duration,
-    /// The pause before the first reconnect after a lost link; 0.05 to 60 s, default 0.5 s.
-    #[serde(with = "seconds::Between::<50, 60_000>")]
-    #[schemars(with = "f64")]
+    /// The pause before the first reconnect after a lost link.
     pub first_pause: Duration,
-    /// Pauses grow up to this; 0.05 to 3600 s, default 30 s.
-    #[serde(with = "seconds::Between::<50, 3_600_000>")]
-    #[schemars(with = "f64")]
+    /// Pauses grow up to this.
     pub longest_pause: Duration,
-    /// A write that the robot does not acknowledge within this time means a dead link; 0.5 to 60 s,
-    /// default 3 s.
-    #[serde(with = "seconds::Between::<500, 60_000>")]
-    #[schemars(with = "f64")]
+    /// A write that the robot does not acknowledge within this time means a dead link.
     pub dead_after: Duration,
 }
 
@@ -43,59 +27,6 @@ impl Default for Options {
             first_pause: Duration::from_millis(500),
             longest_pause: Duration::from_secs(30),
             dead_after: Duration::from_secs(3),
-        }
-    }
-}
-
-/// Durations as plain seconds within a range.
-mod seconds {
-    use std::time::Duration;
-
-    use serde::de::{Deserializer, Error, Unexpected, Visitor};
-    use serde::ser::Serializer;
-
-    /// A range in milliseconds, both ends included.
-    pub(super) struct Between<const MIN_MS: u64, const MAX_MS: u64>;
-
-    impl<const MIN_MS: u64, const MAX_MS: u64> Between<MIN_MS, MAX_MS> {
-        pub(super) fn serialize<S: Serializer>(
-            duration: &Duration,
-            serializer: S,
-        ) -> Result<S::Ok, S::Error> {
-            serializer.serialize_f64(duration.as_secs_f64())
-        }
-
-        pub(super) fn deserialize<'de, D: Deserializer<'de>>(
-            deserializer: D,
-        ) -> Result<Duration, D::Error> {
-            deserializer.deserialize_f64(Self)
-        }
-    }
-
-    /// The range is checked while the number is visited: only then do parsers know its position.
-    impl<const MIN_MS: u64, const MAX_MS: u64> Visitor<'_> for Between<MIN_MS, MAX_MS> {
-        type Value = Duration;
-
-        fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-            let min = MIN_MS as f64 / 1000.0;
-            let max = MAX_MS as f64 / 1000.0;
-            write!(f, "a number of seconds from {min} to {max}")
-        }
-
-        fn visit_f64<E: Error>(self, seconds: f64) -> Result<Duration, E> {
-            let inside = (MIN_MS as f64 / 1000.0..=MAX_MS as f64 / 1000.0).contains(&seconds);
-            if inside {
-                return Ok(Duration::from_secs_f64(seconds));
-            }
-            Err(E::invalid_value(Unexpected::Float(seconds), &self))
-        }
-
-        fn visit_u64<E: Error>(self, seconds: u64) -> Result<Duration, E> {
-            self.visit_f64(seconds as f64)
-        }
-
-        fn visit_i64<E: Error>(self, seconds: i64) -> Result<Duration, E> {
-            self.visit_f64(seconds as f64)
         }
     }
 }
@@ -139,50 +70,6 @@ mod tests {
     use rand::rngs::StdRng;
 
     use super::*;
-
-    fn refusal(yaml: &str) -> String {
-        serde_yaml::from_str::<Options>(yaml)
-            .unwrap_err()
-            .to_string()
-    }
-
-    #[test]
-    fn seconds_may_be_whole_or_not() {
-        let options: Options = serde_yaml::from_str("dead_after: 2\nfirst_pause: 0.25").unwrap();
-        assert_eq!(options.dead_after, Duration::from_secs(2));
-        assert_eq!(options.first_pause, Duration::from_millis(250));
-        assert_eq!(options.login_timeout, Options::default().login_timeout);
-    }
-
-    #[test]
-    fn a_value_out_of_range_is_refused_with_its_position_and_the_range() {
-        let text = refusal("first_pause: 1\ndead_after: 0");
-        assert!(
-            text.contains("dead_after") && text.contains("line 2 column 13"),
-            "{text}"
-        );
-        assert!(text.contains("from 0.5 to 60"), "{text}");
-        for bad in ["-1", ".nan", ".inf", "61", "soon", "[1]"] {
-            assert!(
-                refusal(&format!("dead_after: {bad}")).contains("line 1"),
-                "{bad}"
-            );
-        }
-    }
-
-    #[test]
-    fn an_unknown_key_is_refused_by_name() {
-        assert!(refusal("dead_aftre: 2").contains("unknown field `dead_aftre`"));
-    }
-
-    #[test]
-    fn written_options_read_back() {
-        let text = serde_yaml::to_string(&Options::default()).unwrap();
-        assert_eq!(
-            serde_yaml::from_str::<Options>(&text).unwrap(),
-            Options::default()
-        );
-    }
 
     fn pauses(seed: u64, count: usize) -> Vec<Duration> {
         let mut backoff = Backoff::new(&Options::default());

@@ -86,7 +86,7 @@ impl Live {
                     match open(&context, &options).await {
                         Ok((listener, access)) => {
                             let _ = started.send(listener.local_addr().map_err(LiveError::System));
-                            let served = serve(listener, access, context, &options);
+                            let served = serve(listener, access, context);
                             let _ = stopped.run_until_cancelled(served).await;
                         }
                         Err(error) => drop(started.send(Err(error))),
@@ -142,7 +142,7 @@ async fn open(
     Ok((listener, Arc::new(access)))
 }
 
-async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext, options: &Options) {
+async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext) {
     let WebContext {
         run,
         definition,
@@ -151,7 +151,7 @@ async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext, 
         data,
     } = context;
     let requests = control::routes(run.clone());
-    let broadcast = Broadcast::new(run, definition, data, access.clone(), options.viewers);
+    let broadcast = Broadcast::new(run, definition, data, access.clone(), http::MAX_VIEWERS);
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
     let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(bus)));
     let keeper = broadcast.clone();

@@ -90,10 +90,6 @@ enum Input {
 impl BrokerClient {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> BrokerClient {
         let topics = topics(&account, "");
-        let pauses = link::Options {
-            longest_pause: account.options.longest_pause.get(),
-            ..link::Options::default()
-        };
         BrokerClient {
             account,
             commands: CommandTasks::new(run.clone()),
@@ -105,7 +101,7 @@ impl BrokerClient {
             phase: Phase::NoRobot,
             due: None,
             published: Published::default(),
-            backoff: Backoff::new(&pauses),
+            backoff: Backoff::new(&link::Options::default()),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             loss_logged: false,

@@ -21,6 +21,8 @@ const MAX_RECEIVED: usize = 64;
 const LONGEST_RECEIVED: usize = 64 << 10;
 /// Maximum length of a sent message (a picture), in bytes.
 pub(super) const LONGEST_SENT: usize = 1 << 20;
+/// The broker declares the connection broken after one and a half times this without a message.
+const KEEP_ALIVE: Duration = Duration::from_secs(20);
 /// Timeout for the connection, in seconds.
 const CONNECTING: u64 = 10;
 
@@ -93,7 +95,7 @@ impl Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
         options.set_clean_session(true);
-        options.set_keep_alive(account.options.keep_alive.get());
+        options.set_keep_alive(KEEP_ALIVE);
         options.set_max_packet_size(LONGEST_RECEIVED, LONGEST_SENT);
         if let Some(user) = &account.options.user {
             options.set_credentials(user, account.password.clone().unwrap_or_default());

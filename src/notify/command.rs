@@ -25,14 +25,14 @@ const EVENT: &str = "SPYKEE_EVENT";
 const ROBOT_NAME: &str = "SPYKEE_ROBOT_NAME";
 const TIME: &str = "SPYKEE_TIME";
 const PICTURE: &str = "SPYKEE_PICTURE";
-/// The environment variables that a program gets.
 pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT_NAME, TIME, PICTURE];
 
-/// Runs the program to its end, at most until `abort` is cancelled.
+/// Runs the program to its end, at most for this long and until `abort` is cancelled.
 pub(super) fn send(
     target: &Target,
     notice: &Notice,
     picture: Option<&Path>,
+    limit: Duration,
     abort: &CancellationToken,
 ) -> Delivery {
     let words: Vec<String> = target
@@ -57,7 +57,7 @@ pub(super) fn send(
         command.env(PICTURE, picture);
     }
     match command.spawn() {
-        Ok(child) => wait_for_exit(child, notice, target.timeout.get(), abort),
+        Ok(child) => wait_for_exit(child, notice, limit, abort),
         Err(error) => Delivery::Later(format!("{program} cannot be started: {error}")),
     }
 }
@@ -100,16 +100,10 @@ fn wait_for_exit(
 mod tests {
     use super::*;
     use crate::notify::Rule;
-    use crate::robot::Seconds;
 
     fn run(words: &[&str], seconds: f64) -> Delivery {
-        run_until(words, seconds, &CancellationToken::new())
-    }
-
-    fn run_until(words: &[&str], seconds: f64, abort: &CancellationToken) -> Delivery {
         let target = Target {
             command: words.iter().map(|word| (*word).to_owned()).collect(),
-            timeout: Seconds::new(seconds).unwrap(),
             ..Target::default()
         };
         let notice = Notice {
@@ -119,7 +113,15 @@ mod tests {
             at: 0,
             picture: None,
         };
-        send(&target, &notice, Some(Path::new("/data/1.jpg")), abort)
+        let picture = Path::new("/data/1.jpg");
+        let limit = Duration::from_secs_f64(seconds);
+        send(
+            &target,
+            &notice,
+            Some(picture),
+            limit,
+            &CancellationToken::new(),
+        )
     }
 
     #[test]
@@ -167,17 +169,6 @@ mod tests {
             std::thread::sleep(Duration::from_millis(5));
         }
         panic!("it is still running: {:?}", state());
-    }
-
-    #[test]
-    fn a_program_that_hangs_is_killed_when_the_agent_ends() {
-        let abort = CancellationToken::new();
-        abort.cancel();
-        let delivery = run_until(&["sleep", "600"], 600.0, &abort);
-        assert!(
-            matches!(&delivery, Delivery::Later(why) if why.contains("spykee ends")),
-            "{delivery:?}"
-        );
     }
 
     #[test]

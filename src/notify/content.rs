@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::notice::{Delivery, Notice};
 use super::options::{PictureMode, Target};
+use super::sender::DELIVERY_TIMEOUT;
 use super::template::{Slot, fill, fill_json};
 
 #[derive(Debug, PartialEq)]
@@ -121,6 +122,6 @@ pub(super) fn publish(
     publisher(BrokerMessage {
         topic: topic.to_owned(),
         payload: content(target, "", notice, picture).bytes,
-        limit: target.timeout.get(),
+        limit: DELIVERY_TIMEOUT,
     })
 }

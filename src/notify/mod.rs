@@ -1,9 +1,6 @@
-//! Notifications for people who are elsewhere: rules select events of an agent's bus and send them
-//! to the webhooks, broker topics and commands of the config.
-//!
-//! A thread listens and puts messages into queues on the disk; a thread for each target sends them.
-//! If a target hangs, refuses or is unreachable, its own bounded queue is retried with growing
-//! pauses; nothing else waits. A target's secrets appear in no log, no error and no queue.
+//! Notifications for people who are elsewhere. A thread for each target takes messages from a
+//! bounded queue on the disk and retries with growing pauses, so no target delays another. A
+//! target's secrets appear in no log, no error and no queue.
 
 mod command;
 mod content;

@@ -34,7 +34,6 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// Returns the name used in the config.
     pub fn name(self) -> &'static str {
         match self {
             Rule::Alarm => "alarm",
@@ -72,7 +71,6 @@ impl Notice {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Delivery {
-    /// The message was delivered.
     Done,
     /// It was not delivered, and a retry may succeed; the reason in words.
     Later(String),

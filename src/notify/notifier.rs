@@ -24,11 +24,12 @@ use crate::robot::{Bus, BusMessage, Listener};
 
 /// How long [`Notifier::finish`] waits, after its limit, until the targets' programs are killed.
 const KILL_LIMIT: Duration = Duration::from_secs(1);
+/// The most messages per target and hour; further ones are dropped and counted.
+const MESSAGES_PER_HOUR: f64 = 30.0;
 
 /// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum NotifyError {
-    /// The system cannot start a thread.
     #[error("no thread for notifications: {0}")]
     Thread(io::Error),
 }
@@ -47,9 +48,6 @@ impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
     /// Waiting messages are stored in this data folder. Does not wait for disk or network.
-    ///
-    /// # Errors
-    /// If the system cannot start the threads.
     pub fn start(
         bus: &Bus,
         data: &Path,
@@ -76,7 +74,7 @@ impl Notifier {
             queues.push(TargetQueue {
                 name: name.clone(),
                 target: target.clone(),
-                rate_limit: RateLimit::new(options.per_hour),
+                rate_limit: RateLimit::new(),
                 wake,
             });
         }
@@ -254,10 +252,9 @@ struct RateLimit {
 }
 
 impl RateLimit {
-    fn new(per_hour: u64) -> RateLimit {
-        let per_hour = per_hour as f64;
+    fn new() -> RateLimit {
         RateLimit {
-            bucket: TokenBucket::new((per_hour / 3.0).max(1.0), per_hour / 3600.0),
+            bucket: TokenBucket::new(MESSAGES_PER_HOUR / 3.0, MESSAGES_PER_HOUR / 3600.0),
             dropped: 0,
         }
     }
@@ -282,7 +279,7 @@ mod tests {
     #[test]
     fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
         let mut now = Instant::now();
-        let mut rate_limit = RateLimit::new(30);
+        let mut rate_limit = RateLimit::new();
         let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
         assert_eq!(burst.flatten().count(), 10);
         now += HOUR / 30;

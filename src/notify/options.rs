@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::notice::Rule;
 use super::template::{self, UnknownName};
-use crate::robot::{Seconds, whole_within};
+use crate::robot::Seconds;
 
 /// Maximum number of targets, since each has a thread.
 const MAX_TARGETS: usize = 8;
@@ -23,11 +23,6 @@ const LONGEST_TOPIC: usize = 200;
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyOptions")]
 pub struct Options {
-    /// The most messages per target and hour, of which a third at once: 30. Further ones are
-    /// dropped and counted.
-    #[serde(deserialize_with = "per_hour")]
-    #[schemars(range(min = 1, max = 1000))]
-    pub per_hour: u64,
     /// A robot that is out of reach for this many seconds is reported: 600.
     pub unreachable_after: Seconds,
     /// The targets, by name.
@@ -37,7 +32,6 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Options {
         Options {
-            per_hour: 30,
             unreachable_after: Seconds::from_secs(600),
             targets: BTreeMap::new(),
         }
@@ -47,7 +41,7 @@ impl Default for Options {
 /// A webhook, by `url`, a message at the broker of `mqtt:`, by `topic`, or a command. `{text}`,
 /// `{event}`, `{robot}`, `{time}`, `{picture}` (the file's name) and, for webhooks, `{token}` in
 /// its texts are filled in.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyTarget")]
 pub struct Target {
@@ -65,32 +59,10 @@ pub struct Target {
     pub picture: PictureMode,
     /// A file with `{token}` in its first line.
     pub token_file: Option<PathBuf>,
-    /// The environment variable that holds `{token}`.
-    pub token_env: Option<String>,
     /// A program and its arguments; it reads the text on its standard input.
     pub command: Vec<String>,
     /// The events it is notified of [default: all].
     pub on: Option<Vec<Rule>>,
-    /// The time limit of a delivery, in seconds: 15.
-    pub timeout: Seconds,
-}
-
-impl Default for Target {
-    fn default() -> Target {
-        Target {
-            url: None,
-            headers: BTreeMap::new(),
-            topic: None,
-            body: None,
-            json: None,
-            picture: PictureMode::default(),
-            token_file: None,
-            token_env: None,
-            command: Vec::new(),
-            on: None,
-            timeout: Seconds::from_secs(15),
-        }
-    }
 }
 
 /// How a picture is sent with a message to a webhook or a topic.
@@ -109,7 +81,6 @@ pub enum PictureMode {
 }
 
 impl Target {
-    /// Whether the target is notified of this event.
     pub fn wants(&self, rule: Rule) -> bool {
         rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
     }
@@ -142,7 +113,7 @@ impl Target {
             template::check(text)?;
         }
         let wants_token = self.templates().iter().any(|text| text.contains("{token}"));
-        let has_token = self.token_file.is_some() || self.token_env.is_some();
+        let has_token = self.token_file.is_some();
         if wants_token != has_token {
             return Err(if wants_token {
                 TargetError::NoToken
@@ -182,30 +153,23 @@ impl Target {
     }
 }
 
-/// Errors and contradictions in a target.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    /// No destination, or several.
     #[error("it needs exactly one of `url`, `topic` and `command`")]
     Ways,
-    /// A text contains an unknown placeholder.
     #[error(transparent)]
     Template(#[from] UnknownName),
-    /// A text contains `{token}`, but no token is given.
-    #[error("`{{token}}` needs `token_file` or `token_env`")]
+    #[error("`{{token}}` needs `token_file`")]
     NoToken,
     /// A token is given, but no text contains `{token}`.
     #[error("its token is not used: write {{token}} where it belongs")]
     UnusedToken,
-    /// The URL has another scheme.
     #[error("its url must begin with https:// or http://")]
     Url,
-    /// Both `body` and `json` are given.
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
     #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
-    /// Not a valid topic, or a pattern of topics.
     #[error(
         "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
          +, # and braces"
@@ -213,28 +177,20 @@ pub enum TargetError {
     Topic,
     #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
     TokenOfTopic,
-    /// A picture as a form is requested for a topic.
     #[error("a topic takes a picture as `body` only, or none")]
     PictureOfTopic,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
-    /// Too many targets.
     #[error("notify: at most {MAX_TARGETS} targets")]
     TooMany,
-    /// The name of a target is not valid.
     #[error(
         "notify.targets: the name `{0}` may have letters, digits, - and _, at most {LONGEST_NAME}"
     )]
     Name(String),
-    /// A target is not valid.
     #[error("notify.targets.{name}: {source}")]
-    Target {
-        name: String,
-        /// What is wrong with it.
-        source: TargetError,
-    },
+    Target { name: String, source: TargetError },
 }
 
 impl Options {
@@ -263,10 +219,6 @@ impl Options {
     }
 }
 
-fn per_hour<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
-    whole_within(from, "a whole number of messages, 1 to 1000", 1..=1000)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -288,12 +240,12 @@ mod tests {
             ("{ topic: '$SYS/a' }", "one topic"),
             ("{ topic: a, picture: form }", "`body` only"),
             (
-                "{ topic: a, body: '{token}', token_env: A }",
+                "{ topic: a, body: '{token}', token_file: a }",
                 "mqtt.password_file",
             ),
             ("{ url: 'ftp://a' }", "https://"),
             ("{ url: 'http://a/{token}' }", "needs `token_file`"),
-            ("{ url: 'http://a', token_env: A }", "is not used"),
+            ("{ url: 'http://a', token_file: a }", "is not used"),
             ("{ url: 'http://a', body: '{tetx}' }", "{tetx}"),
             (
                 "{ url: 'http://a', json: { a: [{ b: '{secret}' }] } }",
@@ -301,7 +253,7 @@ mod tests {
             ),
             ("{ url: 'http://a', body: a, json: { a: b } }", "both"),
             (
-                "{ command: [x, '{token}'], token_env: A }",
+                "{ command: [x, '{token}'], token_file: a }",
                 "lists of processes",
             ),
             ("{ url: 'http://a', on: [fire] }", "fire"),
@@ -309,7 +261,7 @@ mod tests {
             let error = checked(target).unwrap_err();
             assert!(error.contains(words), "{target}: {error}");
         }
-        checked("{ url: 'https://a/{token}', token_env: A, on: [alarm, script] }").unwrap();
+        checked("{ url: 'https://a/{token}', token_file: a, on: [alarm, script] }").unwrap();
         checked("{ command: [notify-send, '{robot}', '{text}'] }").unwrap();
         checked("{ topic: house/robot, json: { says: '{text}' }, picture: body }").unwrap();
     }

@@ -134,18 +134,8 @@ impl Rules {
                 self.stop_told = false;
                 None
             }
-            AgentEvent::StartMissed { behaviour, reason } if reason == STOP_HOLDS => {
-                if std::mem::replace(&mut self.stop_told, true) {
-                    return None;
-                }
-                let text = format!(
-                    "{behaviour} did not start, and nothing else will by the timetable: {reason}"
-                );
-                Some(notification(Rule::StartMissed, text))
-            }
             AgentEvent::StartMissed { behaviour, reason } => {
-                let text = format!("{behaviour} did not start: {reason}");
-                self.once(Rule::StartMissed, behaviour, text, now)
+                self.start_missed(behaviour, reason, now)
             }
             AgentEvent::Entry {
                 behaviour,
@@ -166,6 +156,25 @@ impl Rules {
             }),
             _ => None,
         }
+    }
+
+    /// Of the starts that a person's STOP prevents, people are told of the first.
+    fn start_missed(
+        &mut self,
+        behaviour: &str,
+        reason: &str,
+        now: Instant,
+    ) -> Option<Notification> {
+        if reason != STOP_HOLDS {
+            let text = format!("{behaviour} did not start: {reason}");
+            return self.once(Rule::StartMissed, behaviour, text, now);
+        }
+        if std::mem::replace(&mut self.stop_told, true) {
+            return None;
+        }
+        let text =
+            format!("{behaviour} did not start, and nothing else will by the timetable: {reason}");
+        Some(notification(Rule::StartMissed, text))
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {

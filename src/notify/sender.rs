@@ -26,6 +26,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(900);
 const POLL_INTERVAL: Duration = Duration::from_secs(30);
 /// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
+/// Time limit of a delivery.
+pub(super) const DELIVERY_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// Sends one message now; `publisher` publishes to the broker, and `abort` ends a program that the
 /// target starts.
@@ -45,7 +47,10 @@ pub fn deliver(
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
         (None, Some(topic)) => publish(target, topic, publisher, notice, picture().as_deref()),
-        (None, None) => command::send(target, notice, notice.picture.as_deref(), abort),
+        (None, None) => {
+            let picture = notice.picture.as_deref();
+            command::send(target, notice, picture, DELIVERY_TIMEOUT, abort)
+        }
     }
 }
 

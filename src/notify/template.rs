@@ -31,7 +31,6 @@ fn known() -> String {
     known.join(", ")
 }
 
-/// Checks that all placeholders are known.
 pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     for name in parts(template).filter_map(|part| part.err()) {
         if !NAMES.contains(&name) {

@@ -1,13 +1,12 @@
 //! Sends a notification to a webhook.
 
-use std::time::Duration;
-
 use ureq::http::{HeaderName, HeaderValue, Request};
 
 use super::content::content;
 use super::notice::Delivery;
 use super::notice::Notice;
 use super::options::Target;
+use super::sender::DELIVERY_TIMEOUT;
 use super::template::{Slot, fill};
 
 const REDIRECTS: u32 = 3;
@@ -22,7 +21,7 @@ pub(super) fn send(
     picture: Option<&[u8]>,
 ) -> Delivery {
     match request(target, url, token, notice, picture) {
-        Ok(request) => ask(request, target.timeout.get()),
+        Ok(request) => ask(request),
         Err(error) => Delivery::Refused(error.to_string()),
     }
 }
@@ -32,15 +31,12 @@ pub(super) fn send(
 pub enum RequestError {
     #[error("its url is not valid")]
     Url,
-    /// The header field of this name.
     #[error("its header field `{0}` is not valid")]
     Header(String),
 }
 
-/// Builds the request to a webhook, with all placeholders replaced.
-///
-/// # Errors
-/// See [`RequestError`], which contains neither the address nor the token.
+/// Builds the request to a webhook, with all placeholders replaced. The error contains neither
+/// the address nor the token.
 pub fn request(
     target: &Target,
     url: &str,
@@ -66,9 +62,9 @@ pub fn request(
     Ok(request)
 }
 
-fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
+fn ask(request: Request<Vec<u8>>) -> Delivery {
     let agent: ureq::Agent = ureq::Agent::config_builder()
-        .timeout_global(Some(limit))
+        .timeout_global(Some(DELIVERY_TIMEOUT))
         .http_status_as_error(false)
         .max_redirects(REDIRECTS)
         .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
@@ -76,7 +72,7 @@ fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
         .into();
     match agent.run(request) {
         Ok(answer) => delivery_of(answer.status().as_u16()),
-        Err(error) => failed(&error, limit),
+        Err(error) => failed(&error),
     }
 }
 
@@ -96,10 +92,10 @@ fn delivery_of(status: u16) -> Delivery {
 }
 
 /// Describes an error without the address.
-fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
+fn failed(error: &ureq::Error) -> Delivery {
     use ureq::Error::{BadUri, HostNotFound, Io, Timeout, TooManyRedirects};
     Delivery::Later(match error {
-        Timeout(_) => format!("it does not answer within {} s", limit.as_secs_f64()),
+        Timeout(_) => format!("it does not answer within {} s", DELIVERY_TIMEOUT.as_secs()),
         HostNotFound => "its host name cannot be resolved".to_owned(),
         Io(error) => format!("no connection: {error}"),
         TooManyRedirects => "too many redirects".to_owned(),

@@ -1,12 +1,7 @@
-//! Detects a blocked robot, whose tracks turn but which does not move, from the pictures that
-//! arrive during a timed motion of the script: what should have changed in them and did not. In
-//! doubt it reports nothing: a missed blockage is better than a false one.
-//!
-//! Close to something plain there is nothing left in the picture that could change. Then the tracks
-//! tell: once they have covered more than the distance that there was when the last floor left the
-//! picture, the robot must have arrived. `Approach` measures that distance. This
-//! relies on the height of the lens above the floor, on the camera being level, on its field of view
-//! and on the calibration of the tracks.
+//! Detects a blocked robot, whose tracks turn but which does not move, from what should have
+//! changed in the pictures of a timed motion and did not. In doubt it reports nothing. Close to
+//! something plain nothing could change: then the tracks tell, once they have covered more than the
+//! distance that was left when the last floor left the picture ([`Approach`]).
 
 use std::collections::VecDeque;
 use std::time::Duration;

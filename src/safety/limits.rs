@@ -7,10 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::robot::{Percent, Seconds};
 
-/// The shortest allowed `host_idle_silence`: an idle host shows life twice a second.
-const LEAST_IDLE_SILENCE: Seconds = Seconds::from_secs(2);
-
-/// The numbers of the safety rules. Times are in seconds in the config.
+/// The numbers of the safety rules. Times are in seconds in the config, which sets those that an
+/// owner has a reason to change.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
@@ -39,9 +37,11 @@ pub struct Limits {
     pub rescue: Rescue,
     /// The longest grant of the tracks to the rescue behaviour; then the robot searches from there
     /// (8 s).
+    #[serde(skip)]
     pub rescue_time: Seconds,
     /// The limit of each track's power during a grant (30 %); more is scaled down on both tracks
     /// alike.
+    #[serde(skip)]
     pub rescue_power: Percent,
     /// After this time off the station without a battery level, the battery counts as low (600 s).
     pub power_silence: Seconds,
@@ -49,12 +49,16 @@ pub struct Limits {
     pub host_silence: Seconds,
     /// A host that shows no life for this much longer is ended; one that does continues (1.75 s).
     /// Thus a processor that stalls does not end the script that runs on it.
+    #[serde(skip)]
     pub host_grace: Seconds,
     /// A host without motion that shows no life for this long is also ended (5 s).
+    #[serde(skip)]
     pub host_idle_silence: Seconds,
     /// With a stream on and the tracks moving, bytes must come this often (3 s).
+    #[serde(skip)]
     pub stream_silence: Seconds,
     /// The time from one alarm to the next (15 s).
+    #[serde(skip)]
     pub alarm_every: Seconds,
 }
 
@@ -85,12 +89,6 @@ impl Default for Limits {
 /// Why values in [`Limits`] contradict each other.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
-    /// `host_idle_silence` is so short that a healthy idle host would be ended.
-    #[error("watchdog: host_idle_silence must be at least {least} s")]
-    IdleSilence {
-        /// The smallest allowed value, in seconds.
-        least: u64,
-    },
     /// The levels of the battery are not in order.
     #[error("watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})")]
     Levels {
@@ -107,15 +105,11 @@ impl Limits {
     /// Checks the limits against each other.
     ///
     /// # Errors
-    /// If not critical < low < ok, or if `host_idle_silence` is too short.
+    /// If not critical < low < ok.
     pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..
         } = self;
-        if self.host_idle_silence.get() < LEAST_IDLE_SILENCE.get() {
-            let least = LEAST_IDLE_SILENCE.get().as_secs();
-            return Err(LimitsError::IdleSilence { least });
-        }
         if critical < low && low < ok {
             return Ok(());
         }
@@ -211,21 +205,6 @@ mod tests {
         assert_eq!(limits.host_idle_silence, Seconds::from_secs(5));
         assert_eq!(limits.dock_pause, Seconds::from_secs(20));
         assert!(limits.blind_moves);
-        assert_eq!(limits.check(), Ok(()));
-    }
-
-    #[test]
-    fn a_wait_that_would_end_healthy_idle_hosts_is_refused() {
-        let limits = Limits {
-            host_idle_silence: Seconds::from_millis(1900),
-            ..Limits::default()
-        };
-        let error = limits.check().unwrap_err().to_string();
-        assert!(error.contains("at least 2 s"));
-        let limits = Limits {
-            host_idle_silence: LEAST_IDLE_SILENCE,
-            ..Limits::default()
-        };
         assert_eq!(limits.check(), Ok(()));
     }
 

@@ -219,7 +219,6 @@ fn bits(flags: i32) -> u32 {
     u32::from_ne_bytes(flags.to_ne_bytes())
 }
 
-/// Matches if this argument has one of these values.
 fn one_of(argument: u8, values: &[i32]) -> Option<Vec<SeccompRule>> {
     let rules = values
         .iter()

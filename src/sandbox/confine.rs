@@ -89,7 +89,6 @@ impl SandboxPolicy {
     }
 }
 
-/// Which of the optional restrictions are available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Restrictions {
     /// Landlock: files that the policy does not allow and the network cannot be accessed.
@@ -103,9 +102,7 @@ pub struct Restrictions {
 pub enum Landlock {
     /// Enabled, with this version of its interface.
     Version(i32),
-    /// Built in but disabled.
     Off,
-    /// Not built in.
     Missing,
 }
 
@@ -130,7 +127,6 @@ impl Landlock {
 }
 
 impl Restrictions {
-    /// The restrictions that this kernel supports.
     pub fn supported() -> Restrictions {
         let required = Ruleset::default()
             .set_compatibility(CompatLevel::HardRequirement)

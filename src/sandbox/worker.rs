@@ -35,7 +35,6 @@ pub struct Worker {
 /// Why there is no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkerError {
-    /// It was killed at this time limit.
     #[error("it did not finish within {} s and was stopped", .0.as_secs_f64())]
     TimedOut(Duration),
     /// The caller no longer wants the answer.
@@ -194,7 +193,6 @@ impl Process {
     }
 }
 
-/// The bytes of an answer.
 pub type Reply = Vec<u8>;
 
 /// The main function of a worker process: confines itself, reads the question and sends the answer.

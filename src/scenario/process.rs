@@ -1,11 +1,7 @@
-//! Runs scenarios in confined processes: each file is read, and each scenario is run,
-//! in a separate process confined by the kernel. The process can read only the folders of the
-//! scenario and of the behaviour under test, and the current folder if it contains the scenario and
-//! is not too general, as the home folder is. It writes to a folder that is deleted afterwards, and
-//! its answer goes over a pipe that no script can access.
-//!
-//! If a script hangs in one call, crashes the process or takes too long, the process is ended and
-//! the scenario has failed.
+//! Reads each file and runs each scenario in a process of its own, which can read only the folders
+//! of the scenario and of its behaviour (and the current one, if it contains the scenario and is
+//! not as general as the home folder). If a script hangs in one call or crashes the process, the
+//! scenario has failed.
 
 use std::ffi::OsString;
 use std::io;
@@ -30,7 +26,6 @@ const READING: Duration = Duration::from_secs(20);
 /// A script that cannot be interrupted for this long ends its process.
 const STUCK: Duration = Duration::from_secs(5);
 
-/// Runs scenarios in confined processes.
 #[derive(Debug, Clone)]
 pub struct ScenarioProcess {
     worker: Worker,
@@ -68,7 +63,6 @@ impl ScenarioProcess {
         Ok(ScenarioProcess { worker, timeout })
     }
 
-    /// Like [`ScenarioFile::read`], in a confined process.
     pub fn read(&self, file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -203,7 +197,6 @@ fn is_wide(folder: &Path) -> bool {
     folder.parent().is_none() || home.is_some_and(|home| home.starts_with(folder))
 }
 
-/// Returns the result of a scenario whose process gave no answer.
 fn without_answer(scenario_file: &ScenarioFile, error: &WorkerError) -> ScenarioResult {
     let words = match error {
         WorkerError::TimedOut(limit) => format!(
@@ -284,8 +277,8 @@ mod tests {
     #[test]
     fn a_config_is_transferred_completely() {
         let text = "robot: 10.0.0.1\npassword_file: secret\n\
-                    watchdog: { low: 25, host_silence: 0.5, rescue: off, host_idle_silence: 7.5 }\n\
-                    link: {}\nstreams: { video: off }\n\
+                    watchdog: { low: 25, host_silence: 0.5, rescue: off }\n\
+                    streams: { video: off }\n\
                     limits: { memory_bytes: 16777216, noise_dbfs: -41.5 }\n\
                     calibration: { full_speed: 0.31 }\ncamera: { hfov: 1.02 }\n\
                     colours: { wall: { h: [350, 10], s: [20, 100], v: [0, 90] }, \

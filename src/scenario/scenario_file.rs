@@ -52,14 +52,11 @@ impl Scenario {
     }
 }
 
-/// Errors when reading the scenarios of a file.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioFileError {
-    /// The file cannot be read.
     #[error("cannot read the scenarios {path}: {source}")]
     Read {
         path: String,
-        /// The system's error.
         source: std::io::Error,
     },
     /// The script does not load, it fails, or its declarations are wrong; names file, line and
@@ -69,7 +66,6 @@ pub enum ScenarioFileError {
 }
 
 impl ScenarioFile {
-    /// Reads a file and its declarations.
     pub fn read(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -117,12 +113,10 @@ impl ScenarioFile {
         &self.source
     }
 
-    /// Returns the scenarios in the order of the file.
     pub fn scenarios(&self) -> &[Scenario] {
         &self.scenarios
     }
 
-    /// Returns the file's path, or the name of the text.
     pub fn file(&self) -> &Path {
         &self.file
     }
@@ -190,7 +184,6 @@ impl ScenarioFile {
         }
     }
 
-    /// Runs the file once to collect its declarations.
     pub(super) fn read_declarations(&self) -> Result<Vec<Scenario>, ScenarioFileError> {
         let invalid = |text: String| Err(ScenarioFileError::Invalid(text));
         let shown = self.file.display();
@@ -315,7 +308,6 @@ pub struct Options {
     pub seeds: u64,
     /// Limit in virtual time.
     pub limit: Duration,
-    /// Points in a lesson.
     pub points: u32,
     /// Frames per second of the robot's camera; the world's if `None`.
     pub fps: Option<f64>,

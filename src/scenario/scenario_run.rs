@@ -29,7 +29,6 @@ use crate::simulation::{self, Simulation};
 
 const MAX_LINES: usize = 200;
 
-/// Settings common to all scenarios.
 #[derive(Debug, Clone, Default)]
 pub struct RunSettings {
     /// Colours, calibration, limits and the watchdog's parameters.
@@ -40,7 +39,6 @@ pub struct RunSettings {
     /// Parent of the behaviours' data folder, which exists until the scenario is over; the system's
     /// folder for temporary files if `None`.
     pub data: Option<PathBuf>,
-    /// Settings of the simulated firmware.
     pub firmware: sim::Firmware,
     /// Ends all scenarios when cancelled.
     pub stop: CancellationToken,
@@ -48,22 +46,17 @@ pub struct RunSettings {
 
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ScenarioResult {
-    /// Duration in virtual time.
     pub simulated: Duration,
-    /// The failure, if the scenario failed.
     pub failure: Option<Failure>,
     /// Lines that the scenario's script wrote with `print` and `log`.
     pub lines: Vec<String>,
 }
 
-/// The failure of a scenario, with the state at that time.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Failure {
     /// The message of the `expect`, or another error.
     pub message: String,
-    /// The kind of failure.
     pub cause: Cause,
-    /// The place in the scenario.
     pub location: Option<SourceLocation>,
     pub line: Option<String>,
     /// What to do, if that is known.
@@ -79,9 +72,7 @@ pub struct Failure {
 pub struct Snapshot {
     /// Virtual time since the start.
     pub at: Duration,
-    /// The robot's pose.
     pub pose: Pose,
-    /// The battery's level, percent.
     pub battery: f64,
     /// The robot's path on the map of its world.
     #[serde(with = "as_png")]
@@ -111,12 +102,9 @@ mod as_png {
     }
 }
 
-/// Causes of a scenario's failure.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cause {
-    /// An `expect` did not hold.
     Expectation,
-    /// A behaviour failed with this message.
     Behaviour(String),
     /// The scenario has an error or did not finish in time.
     Scenario,
@@ -139,7 +127,6 @@ impl RunSettings {
                 ..sim::Options::default()
             },
             limits: self.config.watchdog.clone(),
-            link: self.config.link.clone(),
             streams: self.config.streams,
             stop: self.stop.clone(),
             ..simulation::Options::default()

@@ -1,23 +1,16 @@
-//! How long a script may run without waiting.
+//! How long a script may run without waiting. A *slice* is the time from a task's resumption to its
+//! next wait. A watcher thread, one per process, sets a flag byte when a slice may have reached its
+//! limit; the VM's [interrupt](super::interrupt) reads it at every safepoint and decides.
 //!
-//! One *slice* is the time from a task's resumption to its next wait. A watcher thread, one per
-//! process, checks the slice of each thread when it may have reached its limit, and sets a flag byte
-//! if it has. The VM's [interrupt](super::interrupt) reads that byte at every safepoint and
-//! decides whether the slice is over. If so, the flag is latched: the interrupt raises an error at
-//! every further safepoint, so that a `pcall` cannot let the script continue.
+//! A budget is real time, even when the time of a simulation is virtual, and a slice is not blamed
+//! for time in which the machine did not run it: it is over when it took the budget by the wall
+//! clock *and* half of it by the thread's CPU clock, or many times the budget by the wall clock
+//! alone (much more where only a simulated robot waits). A virtual machine may stall, and its CPU
+//! clock counts that too: the watcher subtracts what it was itself late, and must find the slice
+//! running several times.
 //!
-//! This is the only module that uses the system's clock instead of the runtime's: a budget is real
-//! time, even when the time of a simulation is virtual. A slice must not be blamed for time in
-//! which the machine did not run it. It is therefore over when it took the budget by the wall clock
-//! *and* half of it by the thread's CPU clock, or many times the budget by the wall clock alone.
-//! That multiple is much larger where only a simulated robot waits, because a busy machine must not
-//! change the result of a simulation. A virtual machine may stall, and its CPU clock counts that too.
-//! The watcher stalls together with the script: it subtracts what it was late, and must find the slice
-//! running several times after its limit.
-//!
-//! Code that passes no safepoint, within one call of a C library function, cannot be interrupted.
-//! In a host process, the agent ends the process. Where a script runs in a command's own process,
-//! [`when_stuck`] reports which script it is, so that the command can end.
+//! Code that passes no safepoint cannot be interrupted: the agent ends a host's process; elsewhere
+//! [`when_stuck`] reports the script, so that the command can end.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
@@ -53,7 +46,6 @@ const CANCELLED_TEXT: &CStr = c"cancelled";
 const STOPPED_TEXT: &CStr = c"the script has stopped itself";
 
 pub(super) const CHECK_INTERVAL: Duration = Duration::from_millis(10);
-/// The slice is within its budget.
 pub(super) const WITHIN_BUDGET: u8 = 0;
 /// Set by the watcher: the interrupt must check the clocks.
 pub(super) const CHECK_CLOCKS: u8 = 1;
@@ -382,7 +374,6 @@ impl Watcher {
         }
     }
 
-    /// Takes in the limit of a slice that begins.
     pub(super) fn note_limit(&self, limit: Duration) {
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
         let before = self.smallest_limit.fetch_min(limit, Ordering::AcqRel);

@@ -53,7 +53,6 @@ pub(crate) struct Declaration {
     pub(crate) choices: Vec<String>,
     /// Whether it may be changed while the script runs.
     pub(crate) live: bool,
-    /// Its purpose, for people.
     pub(crate) doc: String,
 }
 
@@ -117,7 +116,6 @@ impl Declaration {
     }
 }
 
-/// Returns the value of each declared parameter.
 pub(crate) fn param_values(
     declared: &BTreeMap<String, Declaration>,
     given: &BTreeMap<String, GivenParam>,
@@ -165,7 +163,6 @@ pub(super) fn no_declaration_error(given: &BTreeMap<String, GivenParam>) -> Opti
     ))
 }
 
-/// A given value as it was written, with its place.
 fn written(name: &str, param: &GivenParam) -> String {
     let value = match &param.value {
         ParamValue::Boolean(value) => value.to_string(),
@@ -179,7 +176,6 @@ fn written(name: &str, param: &GivenParam) -> String {
     }
 }
 
-/// Where a value was written.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq, Eq)]
 pub enum ParamOrigin {
     /// `--param NAME=VALUE`: always a text, converted to the type that the script has declared.
@@ -192,7 +188,6 @@ pub enum ParamOrigin {
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
 pub struct GivenParam {
     pub value: ParamValue,
-    /// Where it was written.
     pub origin: ParamOrigin,
 }
 

@@ -140,7 +140,6 @@ pub(super) fn is_round(count: u64) -> bool {
     count > 0 && 10_u64.pow(count.ilog10()) == count
 }
 
-/// All subscriptions, in the order of their creation.
 pub(super) type Subscriptions = BTreeMap<SubscriptionId, Subscription>;
 
 #[cfg(test)]

@@ -41,7 +41,6 @@ pub enum Failure {
     /// The file is larger than [`super::MAX_SOURCE`].
     #[error("{chunk}: the file has {bytes} bytes; a script may have 262144 (256 KiB)")]
     TooLarge { chunk: String, bytes: usize },
-    /// The file is not UTF-8 text.
     #[error("{chunk}:{line}: this is not UTF-8 text; save the file as UTF-8")]
     NotUtf8 {
         chunk: String,
@@ -54,14 +53,12 @@ pub enum Failure {
     )]
     Control {
         chunk: String,
-        /// The line of the first one.
         line: usize,
         byte: u8,
     },
     /// The compiler's error message, with file and line.
     #[error("{0}")]
     Syntax(String),
-    /// The VM cannot be created.
     #[error("{chunk}: the script cannot be started: {reason}")]
     Machine {
         chunk: String,
@@ -70,7 +67,6 @@ pub enum Failure {
     },
 }
 
-/// How a script has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScriptExit {
     pub reason: EndReason,
@@ -78,7 +74,6 @@ pub struct ScriptExit {
     pub message: Option<String>,
 }
 
-/// A line of a script.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
     /// The file, as messages show it.

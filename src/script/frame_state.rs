@@ -56,7 +56,6 @@ pub(super) struct FrameState {
     pub(super) motion_check: Option<MotionCheck>,
     /// When the last frame arrived during which the tracks turned the robot.
     pub(super) turned: Option<Instant>,
-    /// Frames that were not valid pictures.
     pub(super) damage: Damage,
     /// Set only if somebody wants to see what the script sees.
     pub(super) recorder: Option<DetectionsRecorder>,
@@ -88,7 +87,6 @@ impl FrameState {
 /// A frame that a script has examined, and what was found in it.
 #[derive(Debug, Clone)]
 pub struct AnnotatedFrame {
-    /// The frame as it arrived.
     pub frame: Frame,
     /// What was found, in the order of the script's calls; at most 64.
     pub marks: Vec<LabelledBlob>,
@@ -97,7 +95,6 @@ pub struct AnnotatedFrame {
 /// One thing found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelledBlob {
-    /// Where.
     pub blob: Blob,
     /// The label: the colour's name or the track's id.
     pub text: String,

@@ -1,10 +1,6 @@
-//! The VM's interrupt, set through the C interface. This is the only file with `unsafe` code.
-//!
-//! Luau calls the interrupt at every safepoint (loop back edges, calls, returns, each step of a
-//! string pattern). Measured on an empty loop and on a recursion, an interrupt set through the safe
-//! wrapper makes them 2.5 times slower, this one 1.4 times, because it only reads one byte. Only
-//! when that byte is set does it ask [`budget`], and raises an error if the slice is over. From
-//! then on it raises at *every* safepoint, so that a `pcall` cannot continue for long.
+//! The VM's interrupt, set through the C interface. This is the only file with `unsafe` code: set
+//! through the safe wrapper, an interrupt makes an empty loop 2.5 times slower, this one 1.4 times,
+//! because it reads one byte.
 //!
 //! Why this is sound: the function is only ever called by the VM, on the thread that runs it, with
 //! the running coroutine; it has the calling convention that lets the VM's exceptions pass; and no

@@ -1,18 +1,7 @@
-//! The VM of one behaviour: sandbox, budget, tasks and the Lua API (see `behaviours/README.md`).
-//!
-//! The module is synchronous and single-threaded: [`Script`] takes events and the current time,
-//! runs the tasks that are ready, and returns their output. It has no socket and no clock, and
-//! needs no async runtime. All I/O is done by the host.
-//!
-//! A script that runs too long without waiting or uses too much memory is killed with a reason: its
-//! motion ends and the output of its last slice is discarded, except log lines, parameters and
-//! saved pictures. A hang *inside* one library call cannot be interrupted here; the surrounding
-//! process has to handle it.
-//!
-//! The parts: `sandbox` creates a restricted VM; `budget` and `interrupt` end slices that run too
-//! long; `task` decides which task runs next; `state` is what all native functions share; `api/`
-//! contains the native functions of each Lua namespace; `stdlib/` contains the part of the library
-//! that is written in Lua.
+//! The VM of one behaviour: sandbox, budget, tasks and the Lua API. It is synchronous and has no
+//! socket and no clock: [`Script`] takes events and the current time, runs the tasks that are
+//! ready, and returns their output. A hang inside one library call cannot be interrupted here; the
+//! surrounding process has to handle it.
 
 mod api;
 mod arguments;
@@ -92,22 +81,14 @@ pub struct Script {
 }
 
 impl Script {
-    /// Loads a script without running it.
-    ///
-    /// # Errors
-    ///
-    /// If the source is larger than 256 KiB, is not UTF-8, contains control characters (as compiled
-    /// code does) or does not compile. The message names file and line.
+    /// Loads a script without running it. Refuses a source that is larger than 256 KiB, contains
+    /// control characters (as compiled code does) or does not compile.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
         Script::load_with(source, options, api::ApiSet::Robot, now)
     }
 
     /// Loads a scenario script: it has `scenario`, `expect` and `sim`, and of the usual names only
     /// `task`, `log`, `script`, `print` and `require`.
-    ///
-    /// # Errors
-    ///
-    /// As [`Script::load`].
     pub fn with_scenario_api(
         source: &[u8],
         options: Options,
@@ -241,11 +222,8 @@ impl Script {
         self.state.borrow().motion.current().is_some()
     }
 
-    /// Restores the store that an earlier run of the script saved.
-    ///
-    /// # Errors
-    ///
-    /// If `file` is not the content of a store; the store is then unchanged.
+    /// Restores the store that an earlier run of the script saved. It is
+    /// unchanged if `file` is not the content of a store.
     pub fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         self.state.borrow_mut().store.restore(file)
     }
@@ -302,7 +280,6 @@ impl Script {
         api::every_path(&self.lua)
     }
 
-    /// The resources that the script has used so far.
     pub fn usage(&self) -> Usage {
         let mut usage = self.state.borrow().usage;
         usage.memory_bytes = self.lua.used_memory() as u64;
@@ -630,7 +607,6 @@ impl Script {
         self.state.borrow_mut().output.take()
     }
 
-    /// Delivers an event to the script.
     pub fn deliver(&mut self, event: Event, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);

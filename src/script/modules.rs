@@ -22,12 +22,10 @@ const LIBRARY: &str = "@spykee/";
 pub struct ModuleName(String);
 
 impl ModuleName {
-    /// The names of the folders and of the file.
     pub fn segments(&self) -> impl DoubleEndedIterator<Item = &str> {
         self.0.split('/')
     }
 
-    /// The whole path.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -169,7 +167,6 @@ pub(super) enum Progress {
     Requested,
     Ready(LuaFunction),
     Running(TaskId, LuaFunction),
-    /// The VM has its value.
     Loaded,
     Missing(String),
     /// It does not compile, or it failed; with the place.

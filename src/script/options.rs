@@ -109,8 +109,8 @@ pub struct Limits {
     /// much for its marked copies, its log a quarter, and the journal a 64th.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub bytes_a_day: u64,
-    /// The bytes of the disk that must stay free; with less, scripts write nothing: 64 MiB.
-    #[serde(deserialize_with = "ranges::disk_bytes")]
+    /// The bytes of the disk that must stay free; with less, scripts write nothing.
+    #[serde(skip)]
     pub free_bytes: u64,
 }
 
@@ -232,7 +232,6 @@ pub type ScenarioCallError = Box<dyn std::error::Error>;
 /// The answer of the scenario API, as plain data.
 pub type ScenarioCallResult = Result<Value, ScenarioCallError>;
 
-/// One call of the script.
 #[derive(Debug, Clone, Copy)]
 pub struct ScenarioCall<'a> {
     /// Its name, such as `sim:location`.
@@ -245,6 +244,5 @@ pub struct ScenarioCall<'a> {
 
 /// What a scenario script calls through `scenario`, `expect` and `sim`.
 pub trait ScenarioApi {
-    /// Answers one call at once.
     fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult;
 }

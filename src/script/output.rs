@@ -37,7 +37,6 @@ pub enum Output {
     Log(LogLine),
     /// Something that the script has done or wants and that does not concern the robot.
     HostReport(HostReport),
-    /// The current parameters.
     Params(Vec<DeclaredParam>),
     /// The result of a line that a person typed.
     Evaluated(Evaluated),
@@ -55,7 +54,6 @@ pub enum Evaluated {
     Incomplete,
     /// It does not compile, or it failed; with the message.
     Failed(String),
-    /// It was interrupted.
     Cancelled,
 }
 

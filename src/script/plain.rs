@@ -4,7 +4,8 @@
 
 use std::collections::BTreeMap;
 
-use mlua::prelude::{Lua, LuaError, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{Lua, LuaError, LuaResult, LuaString, LuaTable, LuaValue};
+use serde_json::{Map, Number, Value};
 
 use super::arguments::describe;
 
@@ -32,38 +33,39 @@ pub(super) enum NotPlain {
 
 /// Converts a value to JSON of at most `longest` bytes.
 pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, NotPlain> {
-    let mut writer = Writer {
-        out: String::new(),
+    let mut reader = Reader {
         nodes: 0,
+        bytes: 0,
         longest,
     };
-    writer.value(value, 0)?;
-    Ok(writer.out)
+    let json = reader.value(value, 0)?.to_string();
+    if json.len() > longest {
+        return Err(NotPlain::TooLong(longest));
+    }
+    Ok(json)
 }
 
-struct Writer {
-    out: String,
+struct Reader {
     nodes: usize,
+    /// Of all strings and keys so far.
+    bytes: usize,
     longest: usize,
 }
 
-impl Writer {
-    fn value(&mut self, value: &LuaValue, depth: u32) -> Result<(), NotPlain> {
+impl Reader {
+    fn value(&mut self, value: &LuaValue, depth: u32) -> Result<Value, NotPlain> {
         self.nodes += 1;
         if self.nodes > MAX_NODES {
             return Err(NotPlain::TooMany);
         }
         match value {
-            LuaValue::Boolean(on) => self.push(if *on { "true" } else { "false" }),
-            LuaValue::Integer(number) => self.push(&number.to_string()),
-            LuaValue::Number(number) => self.number(*number),
-            LuaValue::String(text) => {
-                let bytes = text.as_bytes();
-                // Check before anything is copied.
-                self.make_room(bytes.len())?;
-                let text = std::str::from_utf8(&bytes).map_err(|_| NotPlain::NotUtf8)?;
-                self.text(text)
-            }
+            LuaValue::Boolean(on) => Ok(Value::Bool(*on)),
+            LuaValue::Integer(number) => Ok(Value::from(*number)),
+            LuaValue::Number(number) => match Number::from_f64(*number) {
+                Some(number) => Ok(Value::Number(number)),
+                None => Err(NotPlain::NotFinite(number.to_string())),
+            },
+            LuaValue::String(text) => Ok(Value::String(self.text(text)?)),
             LuaValue::Table(_) if depth >= MAX_DEPTH => Err(NotPlain::TooDeep),
             LuaValue::Table(table) => match table.raw_len() {
                 0 => self.map(table, depth),
@@ -73,111 +75,68 @@ impl Writer {
         }
     }
 
-    fn number(&mut self, number: f64) -> Result<(), NotPlain> {
-        if !number.is_finite() {
-            return Err(NotPlain::NotFinite(number.to_string()));
+    fn text(&mut self, text: &LuaString) -> Result<String, NotPlain> {
+        let bytes = text.as_bytes();
+        // Checked before anything is copied.
+        self.bytes += bytes.len();
+        if self.bytes > self.longest {
+            return Err(NotPlain::TooLong(self.longest));
         }
-        let text =
-            serde_json::to_string(&number).map_err(|_| NotPlain::NotFinite(String::new()))?;
-        self.push(&text)
+        let text = std::str::from_utf8(&bytes).map_err(|_| NotPlain::NotUtf8)?;
+        Ok(text.to_owned())
     }
 
-    fn text(&mut self, text: &str) -> Result<(), NotPlain> {
-        let quoted = serde_json::to_string(text).map_err(|_| NotPlain::NotUtf8)?;
-        self.push(&quoted)
-    }
-
-    fn list(&mut self, table: &LuaTable, length: usize, depth: u32) -> Result<(), NotPlain> {
-        let mut keys = 0;
-        self.visit(table, |_, _| {
-            keys += 1;
-            Ok(())
-        })?;
-        if keys != length {
+    fn list(&mut self, table: &LuaTable, length: usize, depth: u32) -> Result<Value, NotPlain> {
+        if self.entries(table)?.len() != length {
             return Err(NotPlain::Keys);
         }
+        let mut list = Vec::with_capacity(length);
         for at in 1..=length {
-            self.push(if at == 1 { "[" } else { "," })?;
             let value: LuaValue = table.raw_get(at).map_err(|_| NotPlain::Keys)?;
             if value.is_nil() {
                 return Err(NotPlain::Keys);
             }
-            self.value(&value, depth + 1)?;
+            list.push(self.value(&value, depth + 1)?);
         }
-        self.push("]")
+        Ok(Value::Array(list))
     }
 
-    fn map(&mut self, table: &LuaTable, depth: u32) -> Result<(), NotPlain> {
+    fn map(&mut self, table: &LuaTable, depth: u32) -> Result<Value, NotPlain> {
+        // In the order of the keys, so that equal runs have equal errors.
         let mut fields = BTreeMap::new();
-        let mut length = 0;
-        let longest = self.longest;
-        self.visit(table, |key, value| {
+        for (key, value) in self.entries(table)? {
             let LuaValue::String(key) = key else {
                 return Err(NotPlain::Keys);
             };
-            let bytes = key.as_bytes();
-            length += bytes.len();
-            if length > longest {
-                return Err(NotPlain::TooLong(longest));
-            }
-            let key = std::str::from_utf8(&bytes).map_err(|_| NotPlain::NotUtf8)?;
-            fields.insert(key.to_owned(), value);
-            Ok(())
-        })?;
-        self.push("{")?;
-        for (at, (key, value)) in fields.iter().enumerate() {
-            if at > 0 {
-                self.push(",")?;
-            }
-            self.text(key)?;
-            self.push(":")?;
-            self.value(value, depth + 1)?;
+            fields.insert(self.text(&key)?, value);
         }
-        self.push("}")
+        let mut map = Map::new();
+        for (key, value) in fields {
+            map.insert(key, self.value(&value, depth + 1)?);
+        }
+        Ok(Value::Object(map))
     }
 
-    /// Visits all entries of a table; fails if there are too many.
-    fn visit(
-        &self,
-        table: &LuaTable,
-        mut visit: impl FnMut(LuaValue, LuaValue) -> Result<(), NotPlain>,
-    ) -> Result<(), NotPlain> {
-        let mut left = MAX_NODES - self.nodes;
-        let mut wrong = None;
-        let _ = table.for_each(|key: LuaValue, value: LuaValue| {
-            let visited = match left.checked_sub(1) {
-                Some(rest) => {
-                    left = rest;
-                    visit(key, value)
-                }
-                None => Err(NotPlain::TooMany),
-            };
-            visited.map_err(|why| {
-                wrong = Some(why);
-                LuaError::runtime("enough")
-            })
+    /// All entries of a table; fails if there are too many.
+    fn entries(&self, table: &LuaTable) -> Result<Vec<(LuaValue, LuaValue)>, NotPlain> {
+        let most = MAX_NODES - self.nodes;
+        let mut entries = Vec::new();
+        let read = table.for_each(|key: LuaValue, value: LuaValue| {
+            if entries.len() == most {
+                return Err(LuaError::runtime("enough"));
+            }
+            entries.push((key, value));
+            Ok(())
         });
-        wrong.map_or(Ok(()), Err)
-    }
-
-    fn make_room(&self, bytes: usize) -> Result<(), NotPlain> {
-        if self.out.len() + bytes > self.longest {
-            Err(NotPlain::TooLong(self.longest))
-        } else {
-            Ok(())
+        match read {
+            Ok(()) => Ok(entries),
+            Err(_) => Err(NotPlain::TooMany),
         }
-    }
-
-    fn push(&mut self, text: &str) -> Result<(), NotPlain> {
-        self.make_room(text.len())?;
-        self.out.push_str(text);
-        Ok(())
     }
 }
 
 /// Converts JSON to a value of the VM; `null` becomes nil.
-pub(super) fn to_lua(lua: &Lua, value: &serde_json::Value) -> LuaResult<LuaValue> {
-    use serde_json::Value;
+pub(super) fn to_lua(lua: &Lua, value: &Value) -> LuaResult<LuaValue> {
     Ok(match value {
         Value::Null => LuaValue::Nil,
         Value::Bool(on) => LuaValue::Boolean(*on),

@@ -1,7 +1,5 @@
 //! A VM with restrictions: allowed globals only, bounded memory, no library call that runs for long
-//! without a safepoint, and an error for unknown names.
-//!
-//! This module closes what Luau's own sandbox leaves open; each item has a test in
+//! without a safepoint, and an error for unknown names. Each item has a test in
 //! `tests/it/hostile.rs`.
 
 use std::sync::Once;
@@ -65,7 +63,6 @@ fn is_control(byte: &u8) -> bool {
     byte.is_ascii_control() && !matches!(byte, b'\t' | b'\n' | b'\r')
 }
 
-/// Compiles a checked source; does not run it.
 pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunction> {
     lua.load(source)
         .set_name(format!("={chunk}"))

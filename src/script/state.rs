@@ -1,14 +1,11 @@
-//! The state that a script's native functions and its scheduler share, and the scheduler's rules:
-//! which task runs next, how a task is cancelled, and what follows from its end. Everything here
-//! works without running a line of the script.
-//!
+//! The state that a script's native functions and its scheduler share, and the scheduler's rules.
 //! The order is the same in every run: ready tasks are queued, timers fire by time and then in the
 //! order in which they were set, and tasks that wait for the same event wake in the order of their
 //! creation.
 //!
-//! A script ends in two ways. One that is asked to stop has its tasks cancelled; they may clean up,
-//! and its `script.on_stop` functions run. One that is killed runs no further line, and the output
-//! of its last slice is discarded, except log lines, parameters and saved pictures.
+//! A script that is asked to stop has its tasks cancelled; they may clean up, and its
+//! `script.on_stop` functions run. One that is killed runs no further line, and the output of its
+//! last slice is discarded, except log lines, parameters and saved pictures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -62,14 +59,12 @@ const MAX_FAILURES: u32 = 5;
 /// Time limit for clean-up and `script.on_stop` together.
 const STOP_TIME: Duration = Duration::from_millis(500);
 
-/// The resources that a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Usage {
     /// Time spent running, by the wall clock.
     pub cpu: Duration,
     /// The longest time without waiting.
     pub worst_callback: Duration,
-    /// The VM's memory, in bytes.
     pub memory_bytes: u64,
 }
 
@@ -235,7 +230,11 @@ impl State {
         let Ok(image) = self.frames.analyser.decode(frame.seq, &frame.jpeg) else {
             return;
         };
-        let skyline = turns.then(|| Skyline::from_image(image, camera));
+        let skyline = if turns {
+            Some(Skyline::from_image(image, camera))
+        } else {
+            None
+        };
         let held_since = timed.and_then(|timed| self.blockage.look(image, frame.at, camera, timed));
         self.odometry.look(frame.at, skyline);
         if let (Some(since), Some(timed)) = (held_since, timed)
@@ -425,7 +424,6 @@ impl State {
         self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
     }
 
-    /// Whether a handler listens to this event or a task waits for it.
     pub(super) fn has_listener(&self, name: EventName) -> bool {
         let listens = self.subscriptions.values().any(|one| one.event == name);
         listens
@@ -466,7 +464,6 @@ impl State {
         }
     }
 
-    /// Switches a stream on unless it is on already.
     pub(super) fn need_stream(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
         self.options.streams.allow(stream)?;
         if self.streams.switch_on(stream, by, self.now) {
@@ -847,7 +844,6 @@ impl State {
             .ok()
     }
 
-    /// The blobs of a frame; none in a damaged one.
     pub(super) fn find_blobs(
         &mut self,
         held: &HeldFrame,
@@ -868,7 +864,6 @@ impl State {
         }
     }
 
-    /// The line of a frame; none in a damaged one.
     pub(super) fn find_line(
         &mut self,
         held: &HeldFrame,

@@ -24,7 +24,6 @@ pub(super) enum Demand {
 #[derive(Debug, Default)]
 pub(super) struct WantedStreams {
     explicit: BTreeSet<Stream>,
-    /// All streams that are on, and when each was last used.
     on: BTreeMap<Stream, Instant>,
 }
 

@@ -224,7 +224,10 @@ impl Group {
                     *result = values.pop_front().unwrap_or(LuaValue::Nil);
                 }
                 self.missing -= 1;
-                (self.missing == 0).then(|| LuaMultiValue::from_vec(self.results.split_off(0)))
+                if self.missing > 0 {
+                    return None;
+                }
+                Some(LuaMultiValue::from_vec(self.results.split_off(0)))
             }
         }
     }
@@ -410,7 +413,10 @@ impl Tasks {
 
     pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {
         let first = self.timers.first_entry()?;
-        (first.key().0 <= now).then(|| first.remove())
+        if first.key().0 > now {
+            return None;
+        }
+        Some(first.remove())
     }
 
     pub(super) fn next_timer(&self) -> Option<Instant> {

@@ -486,7 +486,6 @@ impl Orders {
         }
     }
 
-    /// Replaces the behaviours of the roster.
     pub(super) async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
         self.roster.define(specs).await
     }

@@ -28,13 +28,9 @@ pub(super) struct IdleInputs {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum IdleAction {
-    /// Send the robot to its station.
     Dock,
-    /// Cancel the docking: a behaviour wants to run.
     CancelDocking,
-    /// Release the link.
     Release,
-    /// Connect again.
     Connect,
 }
 

@@ -26,7 +26,6 @@ pub struct ManagerNotifier {
 }
 
 impl ManagerNotifier {
-    /// Creates the notifier for the manager named by the environment.
     pub fn of_environment() -> ManagerNotifier {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
             return ManagerNotifier::default();
@@ -44,17 +43,14 @@ impl ManagerNotifier {
         }
     }
 
-    /// Reports that the service has started.
     pub fn ready(&self) {
         self.send(ManagerMessage::Ready);
     }
 
-    /// Reports a status line.
     pub fn status(&self, text: impl Into<String>) {
         self.send(ManagerMessage::Status(text.into()));
     }
 
-    /// Reports that the service is stopping.
     pub fn stopping(&self) {
         self.send(ManagerMessage::Stopping);
     }

@@ -1,10 +1,6 @@
-//! A service: an agent that runs permanently, with the parts that start and end behaviours in it.
-//! It consists of the agent, the [timetable](crate::timetable), and the handling of an idle robot;
-//! journal, broker and page work beside it, through the agent's handles.
-//!
-//! Nothing here runs on the driving core: a service that hangs does not affect the watchdog, the
-//! running behaviours and their ends. systemd notices it, because the heartbeats are then no longer
-//! forwarded (see [`ManagerNotifier::pass_on`]).
+//! A service: an agent that runs permanently, with its timetable and the handling of an idle robot.
+//! Nothing here runs on the driving core: a service that hangs does not affect the watchdog and the
+//! running behaviours, and systemd notices it (see [`ManagerNotifier::pass_on`]).
 
 mod describe;
 mod executor;
@@ -41,7 +37,6 @@ pub struct ServicePlan {
     pub table: Timetable,
     /// Whether quiet hours also silence the alarm.
     pub quiet_alarm: bool,
-    /// What to do with an idle robot.
     pub idle: IdlePolicy,
 }
 
@@ -60,7 +55,6 @@ impl ServicePlan {
     }
 }
 
-/// What to do with an idle robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct IdlePolicy {
     /// Whether to release its link when it is on its station.
@@ -86,33 +80,25 @@ struct Listeners {
     view: watch::Sender<View>,
 }
 
-/// A service that has not started yet.
 pub struct Service {
     /// The permanent agent; its plan contains no behaviours.
     pub agent: Agent,
-    /// The newest status of robot and watchdog.
     pub status: watch::Receiver<Status>,
-    /// The time of day.
     pub clock: Clock,
     pub service_plan: ServicePlan,
     /// What was under way when the previous service ended, and the file where this is recorded;
     /// without a file nothing is recorded.
     pub record: (Record, Option<RecordFile>),
-    /// Notifies the service manager.
     pub notifier: ManagerNotifier,
     /// Publishes missed starts; the bus of the agent's plan.
     pub bus: Bus,
     /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
-    /// Receives new plans.
     pub reloads: mpsc::Receiver<Reload>,
 }
 
 impl Service {
     /// Runs until `stop` is cancelled.
-    ///
-    /// # Errors
-    /// See [`Agent::run`].
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Service {
             agent,

@@ -18,7 +18,6 @@ const WAITING: usize = 4;
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 
-/// Writes the record of the timetable's runs.
 #[derive(Debug)]
 pub struct RecordFile(Writer);
 
@@ -115,7 +114,6 @@ impl Disk {
         })
     }
 
-    /// Writes the record. Returns false if that failed.
     fn write(&self, record: &Record) -> bool {
         // Serialisation cannot fail: all keys of a record are strings.
         let Ok(bytes) = serde_json::to_vec(record) else {

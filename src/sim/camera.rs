@@ -47,7 +47,6 @@ pub(crate) struct Shot {
     pub(crate) time: Duration,
 }
 
-/// All inputs of a frame except the scene and its lights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct FrameInputs {
     pose: Pose,
@@ -202,7 +201,6 @@ impl Grain {
         }
     }
 
-    /// Writes the frame with added noise to `grainy`.
     pub(crate) fn add_to(&mut self, pixels: &[u8], grainy: &mut [u8]) {
         if self.middle == 0 {
             return grainy.copy_from_slice(pixels);

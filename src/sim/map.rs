@@ -57,8 +57,8 @@ pub(crate) fn blank_canvas(world: &World, beside: u32) -> Option<MapCanvas> {
     let pixels = |side: f64| (side * scale) as f32;
     let right = MARGIN * 2.0 + pixels(width);
     let down = HEAD + FOOT + pixels(depth);
-    let size = (right as u32 + beside, down as u32);
-    MapCanvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
+    let origin = (MARGIN, HEAD + pixels(depth));
+    MapCanvas::new(right as u32 + beside, down as u32, scale as f32, origin)
 }
 
 pub(crate) fn draw_onto(world: &World, canvas: &mut MapCanvas) {
@@ -245,11 +245,11 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
     canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
     canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
     canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
-    draw_beacon_key(canvas, (end + 60.0, y));
+    draw_beacon_key(canvas, end + 60.0, y);
 }
 
 /// Draws the key for the beacon's area at a pixel.
-fn draw_beacon_key(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
+fn draw_beacon_key(canvas: &mut MapCanvas, x: f32, y: f32) {
     let corners = [
         (x, y - 7.0),
         (x + 22.0, y - 7.0),

@@ -1,23 +1,6 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
-//! UDP or an in-memory pipe. Of this crate it imports only `wire`, the JPEG encoder of `vision` and
-//! small helpers (`clock`, `files`, `yaml`), so that the simulator stays independent of the agent
-//! code that it tests.
-//!
-//! [`World`] describes a place. [`Robot`] is simulated in it, without a clock or sockets of its
-//! own. [`Server`] connects the robot to clients and to `tokio::time`. [`Handle`] observes the
-//! robot and injects faults. A [`Fault`] is a failure of the network or of the robot, with the time
-//! at which it occurs.
-//!
-//! | module | content | imports |
-//! | --- | --- | --- |
-//! | `yaml` | numbers with ranges, errors with line and column | |
-//! | `geometry` | points, poses, lines and circles on the floor | |
-//! | `world` | a world and everything that moves in it | `yaml`, `geometry`, `vision` |
-//! | `camera` | frames of a world from a pose | `world`, and `vision` for the encoder |
-//! | `body` | the robot, its parts and its firmware | `yaml`, `world`, `camera` |
-//! | `map` | drawings of worlds and runs | `world`, `camera`, `body` |
-//! | `faults` | faults, and the proxy that corrupts bytes | `yaml` |
-//! | `server` | sockets and the clock around the robot and its clients | all of them |
+//! UDP or an in-memory pipe. It imports only `wire`, the JPEG encoder of `vision` and small
+//! helpers, so that it stays independent of the agent code that it tests.
 
 #![warn(missing_docs)]
 

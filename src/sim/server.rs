@@ -40,9 +40,6 @@ pub struct Server {
 
 impl Server {
     /// Opens the sockets. The simulated time starts with [`Server::run`].
-    ///
-    /// # Errors
-    /// The address is in use or does not belong to this machine.
     pub async fn bind(world: World, options: Options) -> io::Result<Server> {
         let sockets = Sockets::open(options.listen, options.discovery).await?;
         Ok(Server::with(sockets, world, options))
@@ -80,10 +77,8 @@ impl Server {
         self.handle.clone()
     }
 
-    /// Serves until dropped; all connections end with it.
-    ///
-    /// # Errors
-    /// None at present: an error of one client only disconnects that client.
+    /// Serves until dropped; all connections end with it. An error of one
+    /// client only disconnects that client.
     pub async fn run(mut self) -> io::Result<()> {
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -196,10 +196,6 @@ impl World {
     }
 
     /// Parses a world; `name` is the name of the text in errors, usually its file name.
-    ///
-    /// # Errors
-    /// [`DocumentError::Invalid`] with line and column: unknown keys, wrong types, values out of
-    /// range, things outside the room, a blocked station or start.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
         let world: World = yaml::read(text, name)?;
         validate::check(&world).map_err(|error| {
@@ -209,9 +205,6 @@ impl World {
     }
 
     /// Reads a world from a file.
-    ///
-    /// # Errors
-    /// As [`World::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<World, DocumentError> {
         yaml::load(path, DocumentKind::World, World::from_yaml)
     }

@@ -84,13 +84,13 @@ impl DocumentError {
     /// Creates an error in the text `name` at a line and column.
     pub(crate) fn invalid(
         name: &str,
-        place: (usize, usize),
+        [line, column]: [usize; 2],
         message: impl Into<String>,
     ) -> DocumentError {
         DocumentError::Invalid {
             name: name.to_owned(),
-            line: place.0,
-            column: place.1,
+            line,
+            column,
             message: message.into(),
         }
     }
@@ -131,27 +131,26 @@ pub(crate) enum Step {
 
 /// Returns line and column, from 1, of the value at a path, or of the document's start if no part
 /// of the path exists.
-pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
+pub(crate) fn find(text: &str, path: &[Step]) -> [usize; 2] {
     let document = serde_yaml::Deserializer::from_str(text);
     match Walk(path).deserialize(document) {
         Err(error) => place_of(&error),
-        Ok(()) => (1, 1),
+        Ok(()) => [1, 1],
     }
 }
 
-/// Parses a document; `name` is the name of the text in errors.
 pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
     yaml::examine(text)
-        .map_err(|no| DocumentError::invalid(name, (no.line, no.column), no.what))?;
+        .map_err(|no| DocumentError::invalid(name, [no.line, no.column], no.what))?;
     serde_yaml::from_str(text)
         .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
 }
 
 /// Returns line and column, from 1, of an error; without them, the document's start.
-pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
+pub(crate) fn place_of(error: &serde_yaml::Error) -> [usize; 2] {
     error
         .location()
-        .map_or((1, 1), |place| (place.line(), place.column()))
+        .map_or([1, 1], |place| [place.line(), place.column()])
 }
 
 /// Returns an error in plain words, without its place, with a suggestion for a misspelt name.
@@ -231,20 +230,20 @@ mod tests {
 
     #[test]
     fn find_returns_line_and_column() {
-        assert_eq!(find(TEXT, &[Step::Key("a")]), (1, 4));
+        assert_eq!(find(TEXT, &[Step::Key("a")]), [1, 4]);
         assert_eq!(
             find(TEXT, &[Step::Key("list"), Step::Index(0), Step::Key("x")]),
-            (3, 10)
+            [3, 10]
         );
         assert_eq!(
             find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("y")]),
-            (5, 8)
+            [5, 8]
         );
     }
 
     #[test]
     fn find_returns_the_nearest_parent_of_a_missing_value() {
-        let (line, _) = find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("z")]);
+        let [line, _] = find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("z")]);
         assert_eq!(line, 4);
     }
 }

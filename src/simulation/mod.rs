@@ -1,37 +1,11 @@
-//! A simulation: a complete run in virtual time. Agent, behaviour hosts, watchdog and simulated
-//! robot share one thread and one runtime, whose clock jumps ahead when all tasks wait, and
-//! communicate over in-memory pipes. Codec, pilot, messages and script code are the same as in a
-//! run with a robot. The same world, behaviours, options and seed give the same run, event by
-//! event, in every build.
+//! A simulation: a complete run in virtual time. Agent, hosts, watchdog and simulated robot share
+//! one thread, whose clock jumps ahead when all tasks wait, and communicate over in-memory pipes.
+//! The same world, behaviours, options and seed give the same run, event by event, in every build.
 //!
-//! ```no_run
-//! # fn main() -> std::io::Result<()> {
-//! use spykee::sim::World;
-//! use spykee::simulation::{self, Simulation};
-//! # let behaviours = vec![];
-//! let options = simulation::Options { seed: 7, ..simulation::Options::default() };
-//! let docked = simulation::run(World::default_world(), options, async |simulation: &Simulation| {
-//!     let run = simulation.start(behaviours, None);
-//!     simulation.sim().set_battery(15.0);
-//!     let home = simulation.sim().wait_state(|state| state.docked && state.charging);
-//!     let home = tokio::time::timeout(std::time::Duration::from_secs(300), home).await;
-//!     run.stop();
-//!     let outcome = run.outcome().await; // how each behaviour ended
-//!     home.is_ok()
-//! })?;
-//! # Ok(()) }
-//! ```
-//!
-//! [`run`] works on any thread, also several times in parallel. It starts a separate thread,
-//! because the VMs need a larger stack, and returns when the closure has returned. Within the
-//! closure `tokio::time` is virtual: use sleeps, timeouts and intervals as usual, and always set
-//! timeouts, because unlimited virtual time can pass in almost no real time. Never wait for
-//! anything outside the simulation: virtual time would not stop meanwhile.
-//!
-//! A script's CPU budget is in real time, so that a script that never waits is ended as on a robot,
-//! while virtual time stands still. A host's confinement by the kernel is absent: only the VM
-//! confines scripts, without landlock, seccomp and resource limits. Run only scripts that you trust
-//! with that.
+//! Within the closure of [`run`] `tokio::time` is virtual: always set timeouts, because unlimited
+//! virtual time can pass in almost no real time, and never wait for anything outside the
+//! simulation. Only the VM confines scripts, without landlock, seccomp and resource limits: run
+//! only scripts that you trust with that.
 
 mod recorder;
 mod running;

@@ -6,7 +6,7 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use serde::ser::{Serialize, SerializeMap, Serializer};
+use serde::{Serialize, Serializer};
 use serde_json::Value;
 use tokio::time::Instant;
 use tracing::field::{Field, Visit};
@@ -128,7 +128,7 @@ impl Subscriber for Tee {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
     /// The robot received a command; repeated setpoints are omitted.
@@ -148,17 +148,23 @@ pub enum EventKind {
     End,
 }
 
-/// One line of an event log.
-#[derive(Debug, Clone, PartialEq)]
+/// One line of an event log: one flat JSON object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Event {
     /// Time since the start, in virtual time if there is any.
+    #[serde(rename = "t", serialize_with = "seconds")]
     pub at: Duration,
     pub kind: EventKind,
     /// The log level: `debug`, `info`, `warn` or `error`.
     pub level: &'static str,
-    pub text: String,
     /// Additional data; see [`EventKind`].
+    #[serde(flatten)]
     pub fields: BTreeMap<&'static str, Value>,
+    pub text: String,
+}
+
+fn seconds<S: Serializer>(at: &Duration, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(at.as_millis() as f64 / 1000.0)
 }
 
 impl Event {
@@ -188,21 +194,6 @@ impl Event {
     /// Returns the text of a field, if it exists and is a string.
     pub fn field(&self, name: &str) -> Option<&str> {
         self.fields.get(name).and_then(Value::as_str)
-    }
-}
-
-/// Serializes as one flat JSON object: `t` in seconds, `kind`, `level`, the fields, `text`.
-impl Serialize for Event {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(None)?;
-        map.serialize_entry("t", &(self.at.as_millis() as f64 / 1000.0))?;
-        map.serialize_entry("kind", &self.kind)?;
-        map.serialize_entry("level", self.level)?;
-        for (name, value) in &self.fields {
-            map.serialize_entry(name, value)?;
-        }
-        map.serialize_entry("text", &self.text)?;
-        map.end()
     }
 }
 

@@ -1,11 +1,7 @@
 //! Controls the virtual clock of a simulation that people watch: paused, stepped, or a multiple of
-//! real time. Agent, scripts, watchdog and simulator share one clock, so their relative timing is
-//! the same for any factor; only viewers and their devices use real time.
-//!
-//! Without a sim_clock the clock jumps ahead whenever all tasks wait. With it, while the clock is
-//! ahead of real time, one task of the simulation stays ready: it blocks the thread for a moment of
-//! real time and then yields to all other tasks, so that a user's STOP is processed even while the
-//! clock is paused.
+//! real time. While the clock is ahead of real time, one task of the simulation stays ready: it
+//! blocks the thread for a moment and then yields to all others, so that a user's STOP is processed
+//! even while the clock is paused.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -34,9 +30,10 @@ impl TimeScale {
 
     /// Creates a factor; `None` if it is not in 1..=100.
     pub fn new(factor: f64) -> Option<TimeScale> {
-        (1.0..=TimeScale::MAX)
-            .contains(&factor)
-            .then_some(TimeScale(factor))
+        if !(1.0..=TimeScale::MAX).contains(&factor) {
+            return None;
+        }
+        Some(TimeScale(factor))
     }
 
     /// Returns the factor as a number.

@@ -25,11 +25,8 @@ const MAX_WAITING: usize = 100;
 
 #[derive(Debug, Clone, Copy)]
 pub struct PlannerInputs<'a> {
-    /// The time of day.
     pub now: Timestamp,
-    /// The monotonic time.
     pub at: Instant,
-    /// Whether a robot is connected.
     pub ready: bool,
     /// The running behaviours, started by the timetable or not.
     pub running: &'a [String],
@@ -69,7 +66,6 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Creates a planner that continues where the record ends.
     pub fn new(table: Timetable, record: Record) -> Planner {
         Planner {
             table,
@@ -124,7 +120,6 @@ impl Planner {
         true
     }
 
-    /// Returns the record from which the next program continues.
     pub fn record(&self) -> Record {
         let resumed = self.due.iter().filter(|due| due.resumed);
         let new = || self.due.iter().filter(|due| !due.resumed);
@@ -172,7 +167,6 @@ impl Planner {
         soonest.clamp(Duration::from_millis(100), GRACE / 4)
     }
 
-    /// Returns what must be done now.
     pub fn poll(&mut self, inputs: PlannerInputs<'_>) -> Vec<Act> {
         if !is_plausible(inputs.now) {
             return Vec::new();
@@ -368,7 +362,6 @@ fn allowed(table: &Timetable) -> SignedDuration {
     SignedDuration::try_from(allowed).unwrap_or(SignedDuration::MAX)
 }
 
-/// A decision of the planner.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Act {
     /// Start a behaviour. If that fails, the caller reports it with
@@ -382,9 +375,9 @@ pub enum Act {
         /// Whether this resumes a run that was under way when the program ended.
         resumed: bool,
     },
-    /// End a behaviour: its time is over.
-    End { run: String },
-    /// Inform people.
+    End {
+        run: String,
+    },
     Report(Notice),
 }
 
@@ -395,7 +388,6 @@ pub enum Notice {
         run: String,
         /// The planned time of the latest start, which is missed or made up for.
         planned: Timestamp,
-        /// The number of missed starts.
         count: usize,
     },
     /// A start was missed: no robot was connected before it was too late.
@@ -837,18 +829,6 @@ mod tests {
         let mut changed = World::after(other, "2026-05-04 09:02", record);
         changed.pass(MINUTE);
         assert!(changed.acts.is_empty(), "{:?}", changed.acts);
-    }
-
-    #[test]
-    fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
-        let mut world = World::new(patrol(), "2026-05-04 08:59");
-        world.ready = false;
-        world.pass(2 * MINUTE);
-        world.planner.forget_waiting();
-        world.ready = true;
-        world.pass(60 * MINUTE);
-        assert!(world.acts.is_empty(), "{:?}", world.acts);
-        assert!(world.planner.record().under_way.is_empty());
     }
 
     #[test]

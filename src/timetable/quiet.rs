@@ -19,7 +19,6 @@ pub struct Quiet {
 }
 
 impl Quiet {
-    /// Whether this instant is in the quiet hours.
     pub fn covers(&self, instant: Timestamp, zone: &Zone) -> bool {
         let time = zone.time(instant).time();
         if self.from <= self.to {

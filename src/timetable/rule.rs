@@ -8,7 +8,6 @@ use tokio::sync::watch;
 use super::{Pattern, Quiet};
 use crate::clock::{Span, Zone};
 
-/// One rule of the timetable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
@@ -49,17 +48,14 @@ impl View {
     }
 }
 
-/// Maximum number of predicted starts.
 const MAX_STARTS: usize = 10_000;
 
-/// One future start.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PredictedStart {
     pub at: Timestamp,
     pub run: String,
     /// When it is ended, if it has not ended on its own.
     pub until: Option<Timestamp>,
-    /// Remarks about this start.
     pub reasons: Vec<Reason>,
 }
 
@@ -70,7 +66,6 @@ impl PredictedStart {
     }
 }
 
-/// A remark about a future start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
     /// It is a quiet hour: no sounds and no headlight.

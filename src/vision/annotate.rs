@@ -119,13 +119,8 @@ fn label(
     let dot = if times > 1 { LARGE_DOT } else { DOT };
     let w = (letters * (GLYPH_WIDTH + 1) + 1) * dot;
     let h = (GLYPH_HEIGHT + 2) * dot;
-    let place = place(
-        grown(frame(blob, times), 3),
-        w,
-        h,
-        canvas.dimensions(),
-        taken,
-    );
+    let picture = Rect::at(0, 0).of_size(canvas.width(), canvas.height());
+    let place = place(grown(frame(blob, times), 3), w, h, picture, taken);
     taken.push(place);
     draw_filled_rect_mut(canvas, place, PAPER);
     for (index, letter) in (0..letters).zip(text.chars()) {
@@ -140,9 +135,9 @@ fn label(
 
 /// Chooses a place above, below or inside the box, moved into the picture: the first candidate that
 /// is free and visible, otherwise the first that is visible.
-fn place(around: Rect, w: i32, h: i32, size: (u32, u32), taken: &[Rect]) -> Rect {
-    let width = size.0 as i32;
-    let height = size.1 as i32;
+fn place(around: Rect, w: i32, h: i32, picture: Rect, taken: &[Rect]) -> Rect {
+    let width = picture.width() as i32;
+    let height = picture.height() as i32;
     let x = around.left().min(width - w).max(0);
     let above = around.top() - h;
     let inside = (around.top() + 4).clamp(0, (height - h).max(0));
@@ -220,12 +215,16 @@ fn dots(letter: char) -> impl Iterator<Item = (i32, i32)> {
 mod tests {
     use super::*;
 
+    fn picture() -> Rect {
+        Rect::at(0, 0).of_size(320, 240)
+    }
+
     #[test]
     fn texts_of_neighbours_do_not_overlap() {
         let around = Rect::at(100, 100).of_size(40, 40);
         let mut taken = Vec::new();
         for _ in 0..3 {
-            let next = place(around, 60, 14, (320, 240), &taken);
+            let next = place(around, 60, 14, picture(), &taken);
             assert!(taken.iter().all(|other| next.intersect(*other).is_none()));
             taken.push(next);
         }
@@ -234,7 +233,7 @@ mod tests {
     #[test]
     fn a_text_stays_in_the_picture() {
         for (x, y) in [(0, 0), (300, 0), (0, 230), (300, 230), (-3, -3)] {
-            let place = place(Rect::at(x, y).of_size(30, 20), 80, 14, (320, 240), &[]);
+            let place = place(Rect::at(x, y).of_size(30, 20), 80, 14, picture(), &[]);
             assert!(place.left() >= 0 && place.right() < 320, "{place:?}");
             assert!(place.top() >= 0 && place.bottom() < 240, "{place:?}");
         }

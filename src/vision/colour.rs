@@ -127,9 +127,6 @@ impl Colour {
     }
 
     /// Ranges in CIE Lab: `l` 0..100, `a` and `b` -128..127, lowest first.
-    ///
-    /// # Errors
-    /// Names the channel whose range is empty or out of bounds.
     pub fn lab(l: [f64; 2], a: [f64; 2], b: [f64; 2]) -> Result<Colour, ColourError> {
         Ok(Colour::Lab {
             l: rising('l', l, 0.0, 100.0)?,
@@ -139,9 +136,6 @@ impl Colour {
     }
 
     /// Ranges in HSV: `h` in degrees 0..360, may wrap; `s` and `v` in percent.
-    ///
-    /// # Errors
-    /// Names the channel whose range is empty or out of bounds.
     pub fn hsv(h: [f64; 2], s: [f64; 2], v: [f64; 2]) -> Result<Colour, ColourError> {
         Ok(Colour::Hsv {
             h: bounded('h', h, 0.0, 360.0)?,

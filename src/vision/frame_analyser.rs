@@ -39,9 +39,7 @@ impl FrameAnalyser {
     }
 
     /// Returns the picture of frame number `key`. Further calls with the same key decode nothing.
-    ///
-    /// # Errors
-    /// The reason why the frame cannot be decoded; further calls with the same key return it again.
+    /// An error is returned again too.
     pub fn decode(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
         if self.last.as_ref().is_none_or(|(last, _)| *last != key) {
             self.decoded += 1;
@@ -65,9 +63,6 @@ impl FrameAnalyser {
 
     /// Finds the blobs of frame number `key` in any of the colours, largest first. The list is
     /// valid until the next call.
-    ///
-    /// # Errors
-    /// See [`FrameAnalyser::decode`].
     pub fn find_blobs(
         &mut self,
         key: u64,
@@ -84,9 +79,6 @@ impl FrameAnalyser {
 
     /// Finds the line of frame number `key` in any of the colours, in a part of the picture; `None`
     /// if there is none.
-    ///
-    /// # Errors
-    /// See [`FrameAnalyser::decode`].
     pub fn find_line(
         &mut self,
         key: u64,

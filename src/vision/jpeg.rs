@@ -1,9 +1,6 @@
-//! Decodes JPEGs to planes of samples, and encodes them.
-//!
-//! This is a separate implementation because most of the time for a frame is spent on decoding
-//! (`scripts/bench-vision`). It returns the planes directly, reuses its buffers and reports data
-//! that ends early. The `image` crate, still used for kinds of JPEG that cameras do not send,
-//! returns half a picture without an error.
+//! Decodes JPEGs to planes of samples, and encodes them: most of the time for a frame is spent on
+//! decoding (`scripts/bench-vision`). The `image` crate decodes only the kinds of JPEG that cameras
+//! do not send; it returns half a picture without an error.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,9 +1,6 @@
-//! Detects motion in the view while the camera stands still.
-//!
-//! A lamp brightens everything in an area by nearly the same factor; a moving thing does not. So
-//! each pixel is compared with its previous value scaled by the change of its surroundings; what
-//! remains different has moved. Works on a picture of half the width and height, which is less
-//! noisy.
+//! Detects motion in the view while the camera stands still. A lamp brightens everything in an area
+//! by nearly the same factor; a moving thing does not. So each pixel is compared with its previous
+//! value scaled by the change of its surroundings.
 
 use serde::{Deserialize, Serialize};
 

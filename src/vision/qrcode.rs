@@ -1,8 +1,6 @@
-//! Reads QR codes. The crate that does so tries every triple of squares that look like the corners
-//! of a code, and flood-fills and searches the area around them. On a sheet of paper with many such
-//! squares, or with one huge code, that would take longer than a script may run. Therefore the
-//! crate gets a picture that counts each access to a pixel, and the search ends when it has used up
-//! its budget.
+//! Reads QR codes. The crate that does so tries every triple of squares that look like corners,
+//! which on a crafted sheet of paper takes longer than a script may run. Therefore it gets a
+//! picture that counts each access to a pixel, and the search ends with its budget.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};

@@ -1,12 +1,7 @@
-//! Decides from two pictures whether the camera stood still although its robot should have moved:
-//! what should have changed in the picture and did not.
-//!
-//! Each picture is reduced to a few rows and columns of mean brightness, which show even faint
-//! stripes of a wall. When the robot drives, everything below the height of the lens is on the
-//! floor or nearer, so it moves by a known minimum; when it turns on the spot, everything shifts
-//! sideways. A sample that this would change is a *witness*; only if nearly all witnesses look
-//! unchanged has the camera stood still. Without enough witnesses (a plain wall, darkness) the
-//! result is unknown.
+//! Decides from two pictures whether the camera stood still although its robot should have moved.
+//! Each picture is reduced to a few rows and columns of mean brightness; a sample that the movement
+//! would change is a *witness*, and only if nearly all witnesses look unchanged has the camera
+//! stood still. Without enough witnesses the result is unknown.
 
 use std::time::Duration;
 
@@ -184,13 +179,13 @@ pub fn compare(
     let focal = camera.focal_length(w as u32);
     let way = drive.forward * apart.as_secs_f64();
     let turned = focal * drive.turn * apart.as_secs_f64();
-    let is_expected = if drive.forward == 0.0 {
+    let is_visible = if drive.forward == 0.0 {
         turned.abs() >= LEAST_TURN
     } else {
         // In a curve everything shifts, whether the robot is held or not.
         way.abs() >= LEAST_WAY && turned.abs() < LEAST_SHIFT
     };
-    if before.size != now.size || w < 2 * STRIPS || h < 8 || !is_expected {
+    if before.size != now.size || w < 2 * STRIPS || h < 8 || !is_visible {
         return Verdict::Unknown;
     }
     let reach = focal * LENS_HEIGHT;
@@ -202,29 +197,7 @@ pub fn compare(
         plain: std::array::from_fn(|strip| before.plain[strip] && now.plain[strip]),
         farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
     };
-    let (fewest, surely) = if way < 0.0 { STANDS_BACKWARDS } else { STANDS };
-    let mut most = None;
-    for shift in -MAX_SHIFT..=MAX_SHIFT {
-        let votes = expected.votes(before, now, shift);
-        if votes.count() < fewest {
-            continue;
-        }
-        // When driving forward, things on the left move to the left and things on the right move to
-        // the right: for a lateral shift, both sides must agree.
-        let share = if shift == 0 {
-            votes.share()
-        } else {
-            votes.least_share()
-        };
-        if share >= surely {
-            return Verdict::Stands;
-        }
-        most = Some(f64::max(most.unwrap_or(0.0), votes.share()));
-    }
-    match most {
-        Some(most) if most <= MOVES => Verdict::Moves,
-        _ => Verdict::Unknown,
-    }
+    expected.verdict(before, now)
 }
 
 /// What the witnesses say, on the left and on the right.
@@ -279,6 +252,36 @@ struct Expected {
 }
 
 impl Expected {
+    fn verdict(&self, before: &Profiles, now: &Profiles) -> Verdict {
+        let (fewest, surely) = if self.way < 0.0 {
+            STANDS_BACKWARDS
+        } else {
+            STANDS
+        };
+        let mut most = None;
+        for shift in -MAX_SHIFT..=MAX_SHIFT {
+            let votes = self.votes(before, now, shift);
+            if votes.count() < fewest {
+                continue;
+            }
+            // When driving forward, things on the left move to the left and things on the right
+            // move to the right: for a lateral shift, both sides must agree.
+            let share = if shift == 0 {
+                votes.share()
+            } else {
+                votes.least_share()
+            };
+            if share >= surely {
+                return Verdict::Stands;
+            }
+            most = Some(f64::max(most.unwrap_or(0.0), votes.share()));
+        }
+        match most {
+            Some(most) if most <= MOVES => Verdict::Moves,
+            _ => Verdict::Unknown,
+        }
+    }
+
     fn votes(&self, before: &Profiles, now: &Profiles, shift: i32) -> Tally {
         let mut votes = Tally::default();
         let height = now.size.1;

@@ -1,9 +1,6 @@
-//! Tracks blobs from frame to frame and gives them identities.
-//!
-//! Each track predicts where its blob will be, assuming a constant velocity, and takes the blob
-//! nearest to that position; all pairs are assigned together. When two blobs merge because one
-//! passes in front of the other, both tracks continue inside the merged blob on their own courses
-//! until it splits again.
+//! Tracks blobs from frame to frame and gives them identities. Each track predicts its position by
+//! constant velocity and takes the nearest blob; all pairs are assigned together. When two blobs
+//! merge, both tracks continue on their own courses until it splits again.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -157,8 +154,10 @@ impl Tracker {
                 .map(|(blob, seen)| (track.cost(seen), index, blob));
             self.pairs.extend(costs.filter(|pair| pair.0 <= reach));
         }
-        self.pairs
-            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        self.pairs.sort_unstable_by(|a, b| {
+            a.0.total_cmp(&b.0)
+                .then_with(|| (a.1, a.2).cmp(&(b.1, b.2)))
+        });
         self.owned.clear();
         self.owned.resize(self.followed.len(), None);
         self.crowd.clear();

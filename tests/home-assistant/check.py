@@ -33,7 +33,7 @@ battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.0
 CONFIG = """
 data: data
 behaviours: [{ file: patrol.lua }, { file: other.lua }]
-mqtt: { host: 127.0.0.1, port: %d, keep_alive: 2 }
+mqtt: { host: 127.0.0.1, port: %d }
 """
 SCHEDULE = """
 time_zone: UTC

@@ -9,7 +9,7 @@ use spykee::wire::{Command, Led};
 
 use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, run_spykee};
 
-const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n";
+const BASE: &str = "time_zone: UTC\nservice: { user: root }\n";
 
 async fn wait_until(mut what: impl FnMut() -> bool) {
     let looks = async {

@@ -7,7 +7,7 @@ use spykee::wire::{Command, Sound};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee, succeed};
 
-const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
+const CONFIG: &str = "time_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
     - { file: broken.lua, start: asked }\nschedule:\n- { run: asked, at: '0 4 29 2 *' }\n";
 

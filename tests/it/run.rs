@@ -176,8 +176,8 @@ async fn a_wrong_config_is_refused_with_line_and_column() {
             ["spykee.yaml", "camera", "line 2 column"],
         ),
         (
-            "link:\n  dead_after: 0\n",
-            ["spykee.yaml", "dead_after", "line 2 column"],
+            "watchdog:\n  dock_timeout: -1\n",
+            ["spykee.yaml", "dock_timeout", "line 2 column"],
         ),
         (
             "colours:\n  sky: { lab: { l: [200, 300] } }\n",

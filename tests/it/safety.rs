@@ -159,7 +159,7 @@ async fn a_low_robot_that_cannot_get_home_stands_still_sounds_the_alarm_and_sear
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 1, blind_moves: false, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, blind_moves: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",
@@ -203,7 +203,7 @@ async fn scripts_cannot_silence_the_alarm() {
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 2, blind_moves: false, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, blind_moves: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",

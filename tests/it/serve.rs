@@ -16,7 +16,7 @@ use crate::rig::{
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
 /// The beginning of all configs here; tests may run as root.
-const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\n";
+const BASE: &str = "time_zone: UTC\n";
 
 fn config(rig: &Rig, service: &str, rest: &str) {
     let service = format!("service: {{ user: root, {service} }}\n");

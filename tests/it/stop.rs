@@ -16,7 +16,7 @@ use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves, run_spykee, sized
 /// Asks to drive again and again; after each attempt it sets another volume.
 const DRIVE: &str = "local v = 40 while true do robot.move(30, 30, 0.2) v = 81 - v \
                      robot.volume(v) task.wait(0.1) end";
-const CONFIG: &str = "link: { longest_pause: 0.3 }\nservice: { user: root }\n\
+const CONFIG: &str = "service: { user: root }\n\
                       live: { listen: '127.0.0.1:0' }\nbehaviours:\n- file: drive.lua\n";
 
 async fn serve(rig: &Rig) -> (Run, String) {

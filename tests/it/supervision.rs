@@ -157,10 +157,7 @@ async fn a_saved_script_is_reloaded_and_a_faulty_one_does_not_drive() {
     let rig = Rig::quiet().await;
     // A stall of the machine must not look like a failed script, which would stand still until it
     // is saved again.
-    rig.file(
-        "spykee.yaml",
-        "watchdog: { host_silence: 2, host_grace: 5 }\n",
-    );
+    rig.file("spykee.yaml", "watchdog: { host_silence: 5 }\n");
     let save = |text: &str| {
         // As editors do: write a new file, then rename it.
         let other = rig.file("script.lua~", text);

@@ -17,7 +17,6 @@ fn free_address() -> SocketAddr {
 
 /// A run with a robot at this address, in the folder of `home`.
 fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
-    home.file("spykee.yaml", "link: { longest_pause: 0.3 }\n");
     home.file("script.lua", DRIVE);
     let address = address.to_string();
     home.spykee(&[&["run", "script.lua", "--robot", &address], flags].concat())

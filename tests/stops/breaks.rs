@@ -186,8 +186,8 @@ const WATCH: Duration = Duration::from_secs(15);
 const STANDS: Duration = Duration::from_secs(4);
 const START_LIMIT: Duration = Duration::from_secs(60);
 const POLL: Duration = Duration::from_millis(20);
-/// So long after the first byte that was lost, the system gives up a connection: the default of the
-/// config's `link: { dead_after }`.
+/// So long after the first byte that was lost, the system gives up a connection: `dead_after`
+/// of the link's options.
 const DEAD_AFTER: Duration = Duration::from_secs(3);
 /// So soon after the answer to a STOP the program is killed, at the latest.
 const KILLED_WITHIN: Duration = Duration::from_millis(50);

@@ -145,7 +145,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks a call with a colon.
     pub(super) fn method(&mut self, call: &'a Expr) {
         let ExprKind::Method(object, name, at, arguments) = &call.kind else {
             return;
@@ -214,33 +213,8 @@ impl<'a> Walk<'a> {
         if !(compares || counts || operator == "..") {
             return;
         }
-        for side in [left, right] {
-            let kind = self.kinds.kind_of(side);
-            let wrong = matches!(
-                kind,
-                ValueKind::Object(_)
-                    | ValueKind::List(_)
-                    | ValueKind::Nothing
-                    | ValueKind::Native(_)
-                    | ValueKind::Function(_)
-                    | ValueKind::Boolean
-            );
-            if wrong && let Some(what) = self.got_words(side, kind) {
-                let does = match operator {
-                    ".." => "cannot be joined to a string",
-                    _ if compares => "cannot be compared with < or >",
-                    _ => "cannot be used in arithmetic",
-                };
-                let words = self.source_text(side.span);
-                let message = if words == what {
-                    format!("{what} {does}")
-                } else {
-                    format!("`{words}` is {what}: it {does}")
-                };
-                let help = self.what_to_read(side, kind, operator);
-                self.error(side.span, message).help = help;
-                return;
-            }
+        if self.wrong_operand(operator, left) || self.wrong_operand(operator, right) {
+            return;
         }
         let kinds = [left, right].map(|side| self.kinds.kind_of(side));
         if compares
@@ -251,6 +225,40 @@ impl<'a> Walk<'a> {
             self.error(left.span.to(right.span), message).help =
                 Some("tonumber(text) converts a string to a number".to_owned());
         }
+    }
+
+    /// Reports a value that the operator cannot be applied to; returns whether it is one.
+    fn wrong_operand(&mut self, operator: &str, side: &'a Expr) -> bool {
+        let kind = self.kinds.kind_of(side);
+        let wrong = matches!(
+            kind,
+            ValueKind::Object(_)
+                | ValueKind::List(_)
+                | ValueKind::Nothing
+                | ValueKind::Native(_)
+                | ValueKind::Function(_)
+                | ValueKind::Boolean
+        );
+        let Some(what) = self.got_words(side, kind) else {
+            return false;
+        };
+        if !wrong {
+            return false;
+        }
+        let does = match operator {
+            ".." => "cannot be joined to a string",
+            "<" | ">" | "<=" | ">=" => "cannot be compared with < or >",
+            _ => "cannot be used in arithmetic",
+        };
+        let words = self.source_text(side.span);
+        let message = if words == what {
+            format!("{what} {does}")
+        } else {
+            format!("`{words}` is {what}: it {does}")
+        };
+        let help = self.what_to_read(side, kind, operator);
+        self.error(side.span, message).help = help;
+        true
     }
 
     /// `not a == b`, which compares `not a`.
@@ -431,7 +439,6 @@ impl<'a> Walk<'a> {
         self.fits(call, value, argument, whole);
     }
 
-    /// Returns the help for an argument that must be a function and is not.
     fn passing(&self, value: &Value, argument: &Expr, whole: Option<Span>) -> Option<String> {
         if !value.kind.is_function() {
             return None;

@@ -49,7 +49,6 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// The calibration from these speeds.
     pub(super) fn calibration(self) -> Result<Calibration, Failure> {
         let full_speed = self.speed / (POWER / 100.0);
         // When turning on the spot, the tracks run in opposite directions at this speed.

@@ -38,7 +38,6 @@ pub(super) struct CalibrateArgs {
     pub(super) target: TargetArgs,
 }
 
-/// Measures and prints the result.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.target.resolve(seed)?;
@@ -93,7 +92,6 @@ async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
     Err(Failure::new(exit, what).help(help))
 }
 
-/// Prints the result as a line of a config, or as JSON.
 fn conclude(json: bool, calibration: Calibration) -> Result<Exit, Failure> {
     let Calibration {
         track_width,

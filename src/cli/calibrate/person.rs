@@ -90,7 +90,6 @@ async fn answer() -> Result<String, Failure> {
     typed.unwrap_or_else(|error| Err(Failure::internal(format_args!("no answer: {error}"))))
 }
 
-/// Reads one line of stdin and trims it.
 fn line() -> Result<String, Failure> {
     let mut line = String::new();
     let read = std::io::stdin()

@@ -91,7 +91,6 @@ struct Found {
     blobs: Vec<Blob>,
 }
 
-/// The search, the same for all pictures.
 struct Search<'a> {
     args: &'a FindArgs,
     colours: Vec<Colour>,
@@ -230,11 +229,12 @@ fn table(found: &[Found], colours: &[String]) -> String {
     let rows: Vec<Vec<String>> = found
         .iter()
         .flat_map(|found| {
-            let none = [found.file.clone(), "-".into(), "none".into()];
-            let none = found.blobs.is_empty().then(|| none.into());
+            if found.blobs.is_empty() {
+                return vec![vec![found.file.clone(), "-".into(), "none".into()]];
+            }
             let blobs = (1..).zip(&found.blobs);
-            none.into_iter()
-                .chain(blobs.map(|(number, blob)| row(&found.file, number, blob, colours)))
+            let rows = blobs.map(|(number, blob)| row(&found.file, number, blob, colours));
+            rows.collect()
         })
         .collect();
     aligned(&HEAD, &rows)

@@ -13,14 +13,12 @@ const HELP: &str =
 
 #[derive(Debug)]
 pub(super) enum MarkedPictures {
-    /// One picture, one file.
     File(PathBuf),
     /// A folder, and the names already used in it.
     Folder(PathBuf, BTreeSet<String>),
 }
 
 impl MarkedPictures {
-    /// Opens the output for marked copies of these pictures; creates the folder.
     pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
         let is_png = out
             .extension()
@@ -52,7 +50,6 @@ impl MarkedPictures {
         Ok(MarkedPictures::Folder(out.to_owned(), BTreeSet::new()))
     }
 
-    /// Writes the marked copy of a picture.
     pub(super) fn save(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
         let path = match self {
             MarkedPictures::File(path) => path.clone(),

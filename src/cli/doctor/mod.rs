@@ -31,7 +31,6 @@ pub(super) struct DoctorArgs {
     connection: ConnectionArgs,
 }
 
-/// The result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Verdict {
@@ -40,7 +39,6 @@ enum Verdict {
     Fail,
 }
 
-/// One line of the report.
 #[derive(Debug, Clone, Serialize)]
 struct CheckResult {
     check: &'static str,

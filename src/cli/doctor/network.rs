@@ -21,7 +21,6 @@ use crate::wire::{Command, Report, Stream};
 const DISCOVERY_PERIOD: Duration = Duration::from_secs(1);
 /// Time to count frames.
 const VIDEO_PERIOD: Duration = Duration::from_secs(3);
-/// Timeout of a request.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
@@ -107,16 +106,16 @@ async fn robot(
     report: &mut DoctorReport,
 ) -> Result<(), Failure> {
     let config = &settings.config;
+    let options = link::Options::default();
     let login = connection.login.login(settings)?;
     let (target, sim) = resolve_or_simulate(place, &login, 0)?;
-    let reachable = check_reachable(&target, config.link.connect_timeout).await;
+    let reachable = check_reachable(&target, options.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
     report.add(reachable)?;
     if !open {
         return Ok(());
     }
-    let mut session = match link::connect(&target, &login, vec![Command::STOP], &config.link).await
-    {
+    let mut session = match link::connect(&target, &login, vec![Command::STOP], &options).await {
         Ok(session) => session,
         Err(error) => {
             return report.add(CheckResult::fail("login", error.to_string(), error.help()));
@@ -141,7 +140,6 @@ async fn robot(
     Ok(())
 }
 
-/// The checks that need an open link.
 async fn check_link(
     session: &mut Session,
     config: &Config,

@@ -19,7 +19,6 @@ pub(super) enum Moment {
 #[error("there is no such time: {0}")]
 pub(super) struct NoSuchTime(#[from] jiff::Error);
 
-/// Parses a moment.
 pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     let text = text.trim();
     let at = || text.parse::<DateTime>().ok().map(Moment::At);
@@ -41,13 +40,13 @@ fn ago(text: &str) -> Option<SignedDuration> {
     };
     let long = number * seconds;
     // At most a century.
-    (0.0..=36_525.0 * 86_400.0)
-        .contains(&long)
-        .then(|| SignedDuration::from_millis((long * 1000.0) as i64))
+    if !(0.0..=36_525.0 * 86_400.0).contains(&long) {
+        return None;
+    }
+    Some(SignedDuration::from_millis((long * 1000.0) as i64))
 }
 
 impl Moment {
-    /// The timestamp of this moment, relative to `now` and in this time zone.
     pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, NoSuchTime> {
         let resolved = match self {
             Moment::Ago(ago) => now.checked_sub(*ago),

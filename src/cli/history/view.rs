@@ -11,18 +11,41 @@ use super::runs::Run;
 use crate::clock;
 use crate::journal::Record;
 
-/// Rows with a header.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub(super) struct View {
-    head: Vec<(&'static str, Side)>,
+    columns: &'static [&'static str],
     rows: Vec<Vec<String>>,
 }
 
 impl View {
-    fn new(head: &[(&'static str, Side)], rows: impl Iterator<Item = Vec<String>>) -> View {
+    /// A row for each record; see [`cell`] for the columns.
+    pub(super) fn new(
+        columns: &'static [&'static str],
+        records: &[Record],
+        zone: &TimeZone,
+    ) -> View {
+        let row = |one: &Record| columns.iter().map(|name| cell(name, one, zone)).collect();
+        let rows = records.iter().map(row).collect();
+        View { columns, rows }
+    }
+
+    pub(super) fn of_runs(runs: &[Run], zone: &TimeZone) -> View {
+        let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
+        let row = |run: &Run| {
+            let seconds = run.lasted().map(i64::unsigned_abs);
+            let lasted = seconds.map(|seconds| clock::hours(Duration::from_secs(seconds)));
+            vec![
+                moment(run.began),
+                moment(run.ended),
+                lasted.unwrap_or_default(),
+                run.behaviour.clone(),
+                run.reason.clone(),
+                run.message.clone(),
+            ]
+        };
         View {
-            head: head.to_vec(),
-            rows: rows.collect(),
+            columns: &["began", "ended", "lasted", "behaviour", "end", "what"],
+            rows: runs.iter().map(row).collect(),
         }
     }
 
@@ -30,202 +53,66 @@ impl View {
         self.rows.is_empty()
     }
 
-    /// The rows as an aligned table, for people.
     pub(super) fn table(&self) -> String {
-        let upper: Vec<(String, Side)> = self
-            .head
+        let titles: Vec<String> = self
+            .columns
             .iter()
-            .map(|(title, side)| (title.to_uppercase(), *side))
+            .map(|name| name.to_uppercase())
             .collect();
-        let head: Vec<(&str, Side)> = upper
-            .iter()
-            .map(|(title, side)| (title.as_str(), *side))
+        let head = titles.iter().zip(self.columns);
+        let head: Vec<(&str, Side)> = head
+            .map(|(title, name)| (title.as_str(), side(name)))
             .collect();
         aligned(&head, &self.rows)
     }
 
-    /// The rows as CSV, for spreadsheets.
     pub(super) fn csv(&self) -> String {
-        let head: Vec<String> = self
-            .head
-            .iter()
-            .map(|(title, _)| (*title).to_owned())
-            .collect();
-        std::iter::once(&head)
-            .chain(&self.rows)
-            .map(|row| {
-                let cells: Vec<String> = row.iter().map(|cell| csv_cell(cell)).collect();
-                format!("{}\n", cells.join(","))
-            })
-            .collect()
+        let mut csv = format!("{}\n", self.columns.join(","));
+        for row in &self.rows {
+            let cells: Vec<String> = row.iter().map(|cell| csv_cell(cell)).collect();
+            csv.push_str(&format!("{}\n", cells.join(",")));
+        }
+        csv
     }
 }
 
-use Side::{Left, Right};
-
-pub(super) fn all(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("robot", Left),
-        ("event", Left),
-        ("what", Left),
-    ];
-    let rows = records.iter().map(|one| {
-        let robot = one.robot.clone().unwrap_or_default();
-        vec![
-            time(one.at, zone),
-            robot,
-            one.kind().to_owned(),
-            describe(one),
-        ]
-    });
-    View::new(&head, rows)
+fn side(column: &str) -> Side {
+    match column {
+        "percent" | "attempts" | "seconds" | "lasted" => Side::Right,
+        _ => Side::Left,
+    }
 }
 
-pub(super) fn battery(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("robot", Left),
-        ("percent", Right),
-        ("charging", Left),
-    ];
-    let rows = records.iter().map(|one| {
-        let robot = one.robot.clone().unwrap_or_default();
-        vec![
-            time(one.at, zone),
-            robot,
-            number(one, "percent"),
-            yes(one.is("charging")),
-        ]
-    });
-    View::new(&head, rows)
+/// A column of a record: what is known of each one, or else a text of its event.
+fn cell(column: &str, one: &Record, zone: &TimeZone) -> String {
+    let seconds = |long: f64| format!("{long:.1}");
+    match column {
+        "time" => time(one.at, zone),
+        "robot" => one.robot.clone().unwrap_or_default(),
+        "event" => one.kind().to_owned(),
+        "what" => describe(one),
+        "link" if one.kind() == "link_up" => "up".to_owned(),
+        "link" => "down".to_owned(),
+        "charging" if one.is("charging") => "yes".to_owned(),
+        "charging" => "no".to_owned(),
+        "by" => asked_by(one).to_owned(),
+        "percent" | "attempts" => one
+            .number(column)
+            .map_or_else(String::new, |it| it.to_string()),
+        "seconds" => one.number(column).map_or_else(String::new, seconds),
+        "fields" => fields(one),
+        _ => one.text(column).to_owned(),
+    }
 }
 
-pub(super) fn link(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("robot", Left),
-        ("link", Left),
-        ("what", Left),
-    ];
-    let rows = records.iter().map(|one| {
-        let state = if one.kind() == "link_up" {
-            "up"
-        } else {
-            "down"
-        };
-        let robot = one.robot.clone().unwrap_or_default();
-        vec![time(one.at, zone), robot, state.to_owned(), describe(one)]
-    });
-    View::new(&head, rows)
+/// Who asked for a docking.
+fn asked_by(one: &Record) -> &str {
+    match one.text("by") {
+        "" => "watchdog",
+        by => by,
+    }
 }
 
-pub(super) fn docks(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("robot", Left),
-        ("event", Left),
-        ("by", Left),
-        ("end", Left),
-        ("attempts", Right),
-        ("seconds", Right),
-    ];
-    let rows = records.iter().map(|one| {
-        let by = match one.text("by") {
-            "" => "watchdog",
-            by => by,
-        };
-        vec![
-            time(one.at, zone),
-            one.robot.clone().unwrap_or_default(),
-            one.kind().to_owned(),
-            by.to_owned(),
-            one.text("end").to_owned(),
-            number(one, "attempts"),
-            one.number("seconds")
-                .map_or_else(String::new, |long| format!("{long:.1}")),
-        ]
-    });
-    View::new(&head, rows)
-}
-
-pub(super) fn runs(runs: &[Run], zone: &TimeZone) -> View {
-    let head = [
-        ("began", Left),
-        ("ended", Left),
-        ("lasted", Right),
-        ("behaviour", Left),
-        ("end", Left),
-        ("what", Left),
-    ];
-    let rows = runs.iter().map(|run| {
-        let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
-        let seconds = run.lasted().map(i64::unsigned_abs);
-        let lasted = seconds.map(|seconds| clock::hours(Duration::from_secs(seconds)));
-        vec![
-            moment(run.began),
-            moment(run.ended),
-            lasted.unwrap_or_default(),
-            run.behaviour.clone(),
-            run.reason.clone(),
-            run.message.clone(),
-        ]
-    });
-    View::new(&head, rows)
-}
-
-pub(super) fn pictures(records: &[Record], zone: &TimeZone) -> View {
-    let head = [("time", Left), ("behaviour", Left), ("path", Left)];
-    let rows = records.iter().map(|one| {
-        let behaviour = one.text("behaviour");
-        let path = one.text("path");
-        vec![time(one.at, zone), behaviour.to_owned(), path.to_owned()]
-    });
-    View::new(&head, rows)
-}
-
-pub(super) fn entries(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("behaviour", Left),
-        ("kind", Left),
-        ("fields", Left),
-    ];
-    let rows = records.iter().map(|one| {
-        let behaviour = one.text("behaviour");
-        let kind = one.text("kind");
-        vec![
-            time(one.at, zone),
-            behaviour.to_owned(),
-            kind.to_owned(),
-            fields(one),
-        ]
-    });
-    View::new(&head, rows)
-}
-
-pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
-    let head = [
-        ("time", Left),
-        ("behaviour", Left),
-        ("text", Left),
-        ("picture", Left),
-    ];
-    let rows = records.iter().map(|one| {
-        let behaviour = one.text("behaviour");
-        let text = one.text("text");
-        let picture = one.text("picture").to_owned();
-        vec![
-            time(one.at, zone),
-            behaviour.to_owned(),
-            text.to_owned(),
-            picture,
-        ]
-    });
-    View::new(&head, rows)
-}
-
-/// Describes a record in one line, for people.
 fn describe(one: &Record) -> String {
     let text = |key| one.text(key);
     let whole = |key| one.number(key).unwrap_or(0.0);
@@ -242,10 +129,7 @@ fn describe(one: &Record) -> String {
         }
         "safety" => format!("{}: {}", text("action"), text("reason")),
         "dock" => {
-            let by = match text("by") {
-                "" => "watchdog",
-                by => by,
-            };
+            let by = asked_by(one);
             let tries = match whole("attempts") {
                 1.0 => "1 try".to_owned(),
                 tries => format!("{tries} tries"),
@@ -277,7 +161,6 @@ fn describe(one: &Record) -> String {
     }
 }
 
-/// The fields of a script's entry.
 fn fields(one: &Record) -> String {
     let Some(Value::Object(fields)) = one.data.get("data") else {
         return String::new();
@@ -289,16 +172,6 @@ fn fields(one: &Record) -> String {
     fields.iter().map(field).collect::<Vec<_>>().join(" ")
 }
 
-fn number(one: &Record, key: &str) -> String {
-    one.number(key)
-        .map_or_else(String::new, |number| number.to_string())
-}
-
-fn yes(is: bool) -> String {
-    if is { "yes" } else { "no" }.to_owned()
-}
-
-/// Formats local time, to the second.
 fn time(at: Timestamp, zone: &TimeZone) -> String {
     at.to_zoned(zone.clone())
         .strftime("%Y-%m-%d %H:%M:%S")
@@ -333,7 +206,7 @@ mod tests {
             record(3, json!({"event": "lost", "count": 7})),
             record(4, json!({"event": "something_of_the_future"})),
         ];
-        let table = all(&records, &zone()).table();
+        let table = View::new(&["time", "robot", "event", "what"], &records, &zone()).table();
         for words in [
             "TIME",
             "2026-09-21 16:13:20  SPYKEE0001  link_up",
@@ -352,7 +225,8 @@ mod tests {
             0,
             json!({"event": "notify", "behaviour": "guard", "text": "=1+1, \"quoted\""}),
         )];
-        let csv = messages(&records, &zone()).csv();
+        let columns = &["time", "behaviour", "text", "picture"];
+        let csv = View::new(columns, &records, &zone()).csv();
         let expected = "time,behaviour,text,picture\n\
                         2026-09-21 16:13:20,guard,\"'=1+1, \"\"quoted\"\"\",\n";
         assert_eq!(csv, expected);

@@ -61,7 +61,6 @@ const HEAD_LINES: usize = 10;
 const MAX_DIGITS: usize = 9;
 
 impl Lesson {
-    /// All lessons, in the recommended order.
     pub(super) fn all() -> &'static [Lesson] {
         &LESSONS
     }
@@ -115,7 +114,6 @@ impl Lesson {
         format!("{}.lua", self.name())
     }
 
-    /// The title, without its number.
     pub(super) fn title(&self) -> &'static str {
         let headline = self.readme.lines().next().unwrap_or_default();
         headline
@@ -123,7 +121,6 @@ impl Lesson {
             .map_or(headline, |(_, title)| title)
     }
 
-    /// The subjects of the lesson, in a few words.
     pub(super) fn subjects(&self) -> &'static str {
         let mut lines = self.readme.lines();
         let line = lines.find_map(|line| line.strip_prefix("You learn: "));

@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 
 use super::catalogue::Lesson;
 
-/// Maximum number of learners in a class.
 const MAX_LEARNERS: usize = 2000;
 
 /// Why a learner has no script.
@@ -21,7 +20,6 @@ pub(super) enum NotHandedIn {
     Link,
 }
 
-/// A learner and the script handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct Learner {
     pub(super) name: String,

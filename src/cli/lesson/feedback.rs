@@ -13,7 +13,6 @@ use crate::scenario::{Cause, Failure};
 /// Maximum number of lines shown of an error.
 const MAX_LINES: usize = 16;
 
-/// A checked script.
 pub(super) struct Feedback<'a> {
     pub(super) lesson: &'static Lesson,
     /// Whether `--lesson` named the lesson: the next command needs it, too.
@@ -22,12 +21,10 @@ pub(super) struct Feedback<'a> {
     pub(super) other_lesson: Option<String>,
     pub(super) file: &'a Path,
     pub(super) marks: &'a Marks,
-    /// Number of the hint to show.
     pub(super) hint: Option<u8>,
 }
 
 impl Feedback<'_> {
-    /// The feedback as text, for a terminal.
     pub(super) fn text(&self) -> String {
         let lesson = self.lesson;
         let marks = self.marks;
@@ -87,14 +84,14 @@ impl Feedback<'_> {
         }
     }
 
-    /// The command that checks the script again.
     fn command(&self, file: &str) -> String {
         let number = self.lesson.number;
-        let option = self.is_chosen.then(|| format!(" --lesson {number}"));
-        format!("spykee lesson check {file}{}", option.unwrap_or_default())
+        if self.is_chosen {
+            return format!("spykee lesson check {file} --lesson {number}");
+        }
+        format!("spykee lesson check {file}")
     }
 
-    /// The feedback as JSON, for programs.
     pub(super) fn json(&self) -> Value {
         let lesson = self.lesson;
         let marks = self.marks;

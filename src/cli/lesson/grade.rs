@@ -119,7 +119,6 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
 /// One learner's result and script text, and the maximum number of points.
 type GradeResult = (Graded, Option<String>, u32);
 
-/// Grades one learner; `None` if interrupted.
 fn grade(
     learner: Learner,
     args: &GradeArgs,
@@ -190,7 +189,6 @@ fn missing(marks: &Marks) -> Vec<String> {
 }
 
 impl Class {
-    /// The results as text, for a terminal.
     fn text(&self) -> String {
         let head = [
             ("NAME", Side::Left),
@@ -231,7 +229,6 @@ impl Class {
         (name(pair.places.0), name(pair.places.1))
     }
 
-    /// The results as CSV, for a spreadsheet.
     fn csv(&self) -> String {
         let mut text = "name,points,max_points,missing,file,same_text_as\n".to_owned();
         for (location, one) in self.learners.iter().enumerate() {
@@ -263,7 +260,6 @@ impl Class {
             .collect()
     }
 
-    /// The results as JSON, for programs.
     fn json(&self) -> Value {
         let learner = |one: &Graded| {
             json!({

@@ -5,17 +5,14 @@ use std::collections::BTreeMap;
 use crate::check::Diagnostic;
 use crate::scenario::{Cause, Failure, Scenario};
 
-/// The results of a check.
 pub(super) struct Marks {
     /// One for each scenario of the lesson.
     pub(super) marks: Vec<Mark>,
-    /// Mistakes found in the script.
     pub(super) diagnostics: Vec<Diagnostic>,
     /// Whether a diagnostic is an error; then no scenario was run.
     pub(super) cannot_run: bool,
 }
 
-/// The result of one scenario.
 pub(super) struct Mark {
     pub(super) name: String,
     pub(super) max_points: u32,
@@ -25,7 +22,6 @@ pub(super) struct Mark {
 }
 
 impl Marks {
-    /// Creates marks without any tries.
     pub(super) fn new(
         scenarios: &[Scenario],
         diagnostics: Vec<Diagnostic>,
@@ -71,7 +67,6 @@ impl Marks {
         self.marks.iter().find_map(Mark::script_error)
     }
 
-    /// The first try that failed.
     pub(super) fn first_failure(&self) -> Option<&Failure> {
         self.marks.iter().find_map(Mark::failure)
     }

@@ -13,7 +13,6 @@ const LONGEST: usize = 20_000;
 pub(super) struct Pair {
     /// Their indices in the list, in ascending order.
     pub(super) places: (usize, usize),
-    /// Similarity, 0 to 1.
     pub(super) similarity: f64,
 }
 

@@ -200,7 +200,7 @@ impl RobotTarget {
             &self.address,
             &self.login,
             vec![wire::Command::STOP],
-            &self.config.link,
+            &link::Options::default(),
         )
         .await
     }
@@ -211,7 +211,7 @@ impl RobotTarget {
     /// A person's STOP holds; the rescue behaviour of the config cannot be read.
     pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
         refuse_if_stopped(&self.config, self.sim.is_some())?;
-        let link = self.config.link.clone();
+        let link = link::Options::default();
         Ok(DriverParts {
             connector: connector(self.address.clone(), self.login.clone(), link),
             settings: self.config.pilot(self.sim.is_some(), seed),

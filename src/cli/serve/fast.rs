@@ -2,18 +2,18 @@
 
 use super::service_plan::LoadedPlan;
 use super::{ServeArgs, exit};
-use crate::agent::{Agent, ConnectAttempts, retry_until_connected};
+use crate::agent::{Agent, ConnectAttempts, Plan, retry_until_connected};
 use crate::cli::embedded;
 use crate::cli::fast::{EventFile, SimulationJournalOptions, exit_when_stuck, no_simulation};
 use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Span, Zone};
 use crate::config::Config;
-use crate::service::{ManagerNotifier, Service, View};
-use crate::sim;
+use crate::service::{ManagerNotifier, Service, ServicePlan, View};
 use crate::simulation::{self, Simulation};
 use crate::timetable::Record;
 use crate::wire::Login;
+use crate::{link, sim};
 
 /// Serves until the time limit or the first signal.
 pub(super) fn serve(
@@ -38,7 +38,6 @@ pub(super) fn serve(
             ..sim::Options::default()
         },
         limits: config.watchdog.clone(),
-        link: config.link.clone(),
         streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
         date: args.date.map(|date| date.at(&zone)),
@@ -49,33 +48,12 @@ pub(super) fn serve(
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
     let journal_options = SimulationJournalOptions::from_config(config);
-    let link = config.link.clone();
     exit_when_stuck(console);
     let outcome = simulation::run(world, options, async |simulation: &Simulation| {
         let mut plan = simulation.plan(Vec::new());
-        (plan.stays, plan.limit) = (true, limit);
-        plan.specs = loaded.service_plan.specs.clone();
-        plan.connector = retry_until_connected(
-            plan.connector,
-            link,
-            simulation.seed(),
-            ConnectAttempts::default(),
-        );
-        let bus = plan.bus.clone();
-        let journal = journal_options.map(|options| options.start(&bus));
-        let (agent, status) = Agent::new(plan);
-        let (_none, reloads) = tokio::sync::mpsc::channel(1);
-        let service = Service {
-            agent,
-            status,
-            clock: Clock::default(),
-            service_plan: loaded.service_plan,
-            record: (Record::default(), None),
-            notifier: ManagerNotifier::default(),
-            bus,
-            view: View::channel().0,
-            reloads,
-        };
+        plan.limit = limit;
+        let journal = journal_options.map(|options| options.start(&plan.bus));
+        let service = service(simulation.seed(), plan, loaded.service_plan);
         let outcome = service.run(stop).await;
         if let Some(journal) = journal {
             journal.finish().await;
@@ -85,6 +63,32 @@ pub(super) fn serve(
     let outcome = outcome.map_err(no_simulation)?;
     events.map_or(Ok(()), EventFile::finish)?;
     exit(outcome)
+}
+
+/// A service that has no manager, and keeps no record of its timetable.
+fn service(seed: u64, mut plan: Plan, service_plan: ServicePlan) -> Service {
+    plan.stays = true;
+    plan.specs = service_plan.specs.clone();
+    plan.connector = retry_until_connected(
+        plan.connector,
+        link::Options::default(),
+        seed,
+        ConnectAttempts::default(),
+    );
+    let bus = plan.bus.clone();
+    let (agent, status) = Agent::new(plan);
+    let (_none, reloads) = tokio::sync::mpsc::channel(1);
+    Service {
+        agent,
+        status,
+        clock: Clock::default(),
+        service_plan,
+        record: (Record::default(), None),
+        notifier: ManagerNotifier::default(),
+        bus,
+        view: View::channel().0,
+        reloads,
+    }
 }
 
 /// Starts a thread that cancels `stop` at the first terminating signal, in real time.

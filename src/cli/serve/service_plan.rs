@@ -24,7 +24,6 @@ pub(super) struct LoadedPlan {
     pub(super) service_plan: ServicePlan,
     /// Fingerprints of the behaviours, by name: see [`fingerprint`].
     fingerprints: BTreeMap<String, u64>,
-    /// Information for the page.
     pub(super) definition: RunDefinition,
 }
 
@@ -42,7 +41,6 @@ pub(super) struct PlanLoader {
 }
 
 impl PlanLoader {
-    /// Builds the plan.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedPlan, Failure> {
         let loader = BehaviourLoader {
             config,
@@ -179,12 +177,11 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: [&str; 13] = [
+    const RESTART_KEYS: [&str; 12] = [
         "robot",
         "user",
         "password_file",
         "watchdog",
-        "link",
         "streams",
         "data",
         "logging",

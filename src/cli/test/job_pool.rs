@@ -12,10 +12,8 @@ use super::super::interrupt::interruption;
 use crate::cli::argument::ArgumentError;
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, ScenarioResult};
 
-/// One scenario with one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Job<'a> {
-    /// Index of its file.
     pub(in super::super) scenario_file: usize,
     pub(in super::super) scenario: &'a Scenario,
     pub(in super::super) seed: u64,
@@ -28,7 +26,6 @@ pub(in super::super) struct JobResult<'a> {
     pub(in super::super) took: Duration,
 }
 
-/// A pool of threads with their common settings.
 pub(in super::super) struct JobPool {
     threads: usize,
     settings: RunSettings,
@@ -126,13 +123,11 @@ impl JobPool {
     }
 }
 
-/// The launcher of the processes that run scenarios.
 pub(in super::super) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
     ScenarioProcess::new(timeout)
         .map_err(|error| Failure::io("find this program's own file", error))
 }
 
-/// Parses `--timeout`: seconds of real time.
 pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
     let seconds = text.parse().ok();
     let seconds = seconds.filter(|seconds| (0.1..=86_400.0).contains(seconds));

@@ -138,7 +138,6 @@ impl Report {
         text
     }
 
-    /// The summary, which is the last line.
     pub(super) fn summary(&self) -> String {
         let all = self.runs().count();
         let failed = self.failures();
@@ -166,7 +165,6 @@ impl Report {
         self.failures() > 0 || self.files.iter().any(|file| file.broken.is_some())
     }
 
-    /// The whole report as JSON.
     pub(super) fn json(&self) -> Value {
         let failed = self.failures();
         let runs: Vec<Value> = self
@@ -269,7 +267,6 @@ impl Run {
         }
     }
 
-    /// The failure, if the run failed.
     pub(super) fn failure(&self) -> Option<&Failure> {
         self.outcome.as_ref()?.failure.as_ref()
     }
@@ -281,7 +278,6 @@ impl Run {
             .map_or(Duration::ZERO, |outcome| outcome.took)
     }
 
-    /// The failure as text.
     pub(super) fn describe(&self) -> String {
         let mut text = String::new();
         self.write_failure(&mut text);
@@ -392,7 +388,6 @@ fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn>
         .map_err(cannot)
 }
 
-/// Writes a heading and the lines below it, if there are any.
 fn write_list(text: &mut String, heading: &str, lines: &[String], show: fn(&String) -> String) {
     if !lines.is_empty() {
         let _ = writeln!(text, "{heading}");
@@ -402,12 +397,10 @@ fn write_list(text: &mut String, heading: &str, lines: &[String], show: fn(&Stri
     }
 }
 
-/// Indents all lines but the first.
 fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
 }
 
-/// The report as a JUnit document.
 pub(super) fn junit(report: &Report) -> Result<Vec<u8>, cli::Failure> {
     write_junit(report).map_err(|error| cli::Failure::io("create the JUnit report", error))
 }

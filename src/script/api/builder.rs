@@ -35,7 +35,6 @@ impl Builder<'_> {
         self.prelude.function("use_can_wait")?.call(can_wait)
     }
 
-    /// Builds a table with a function for each row of a namespace.
     pub(super) fn namespace(
         &self,
         name: &'static str,
@@ -91,7 +90,6 @@ impl Builder<'_> {
         self.function_with_shim(shim, row, native)
     }
 
-    /// Builds a function with the given shim: for functions that the prelude and the modules call.
     pub(super) fn function_with_shim(
         &self,
         shim: &str,

@@ -150,7 +150,6 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
     Ok(table)
 }
 
-/// The table that `robot.battery()` returns.
 pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaResult<LuaTable> {
     let table = lua.create_table_with_capacity(0, 4)?;
     table.raw_set("percent", battery.percent.get())?;

@@ -1,10 +1,6 @@
-//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, `frame:save`, and the methods
-//! that examine the picture. Each frame is decoded at the first such call, into one buffer for all
-//! frames.
-//!
-//! Most damaged frames are rejected earlier (`State::deliver_frame`). A frame whose damage is found
-//! only in decoding has no results: no blobs, no line, no brightness. Such frames are counted, and
-//! this is logged now and then.
+//! `robot.frame`, `robot.wait_frame` and the Frame object. Each frame is decoded at the first call
+//! that examines it, into one buffer for all frames; one whose damage is found only then has no
+//! results, which is counted and logged now and then.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -55,7 +51,6 @@ impl Argument for Rc<HeldFrame> {
     }
 }
 
-/// Registers the Frame object with these methods.
 pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
     builder.object::<Rc<HeldFrame>>("Frame", natives, |registry| {

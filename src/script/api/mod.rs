@@ -1,9 +1,6 @@
-//! The native functions behind the API table ([`crate::api`]): one file for each Lua namespace. The
-//! table has their names, arguments and defaults; a native function without a row in it does not
-//! load.
-//!
-//! A native function gets a [`Call`] and returns a [`Reply`] or a [`Refusal`]; it never raises a
-//! Lua error. A wait is registered with the scheduler and answered later ([`answer`]).
+//! The native functions behind the API table ([`crate::api`]): one file for each Lua namespace. A
+//! native gets a [`Call`] and returns a [`Reply`] or a [`Refusal`]; it never raises a Lua error. A
+//! wait is registered with the scheduler and answered later ([`answer`]).
 
 mod builder;
 mod convert;
@@ -165,7 +162,6 @@ pub(super) enum ApiSet {
     Scenario(Rc<dyn ScenarioApi>),
 }
 
-/// Builds the API of one VM and closes it.
 pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
     let prelude = Prelude::run(lua, location_function(lua)?)?;
     let builder = Builder {

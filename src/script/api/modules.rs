@@ -76,8 +76,12 @@ fn mismatch(owner: &str, names: &[String]) -> LuaResult<Option<String>> {
         return Ok(None);
     };
     known.sort_unstable();
-    let wrong = known != names;
-    Ok(wrong.then(|| format!("{owner} has {names:?}, but the API table {known:?}")))
+    if known == names {
+        return Ok(None);
+    }
+    Ok(Some(format!(
+        "{owner} has {names:?}, but the API table {known:?}"
+    )))
 }
 
 /// The name of a function, if it has one, and the line in which it begins.

@@ -222,7 +222,6 @@ impl ParamReader<'_> {
         Ok(declaration)
     }
 
-    /// The keys that the table of a parameter may have.
     fn keys(&self) -> Vec<&'static str> {
         let row = self.call.args.function.parameters.first();
         match row.map(|row| row.kind) {

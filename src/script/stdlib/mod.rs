@@ -3,7 +3,6 @@
 
 use mlua::prelude::{FromLuaMulti, IntoLuaMulti, Lua, LuaFunction, LuaResult};
 
-/// Returns the name and the source of each module.
 pub fn modules() -> &'static [(&'static str, &'static str)] {
     &[
         ("@spykee/bt", include_str!("bt.luau")),

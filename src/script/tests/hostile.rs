@@ -68,40 +68,6 @@ fn the_setpoint_of_an_earlier_slice_is_released() {
 }
 
 #[test]
-fn pcall_cannot_end_a_kill() {
-    for source in [
-        "while true do pcall(function() while true do end end) robot.move(9, 9) end",
-        "local function f() while true do pcall(f) end end f()",
-        "local function again() pcall(again) while true do pcall(again) end end again()",
-        "while true do xpcall(function() while true do end end, function() while true do end end) end",
-        "local co = coroutine.wrap(function() while true do pcall(function() while true do end end) end end) while true do pcall(co) end",
-        "while true do coroutine.resume(coroutine.create(function() while true do end end)) end",
-        "while true do pcall(coroutine.yield) end",
-        "setmetatable({}, {__index = function() while true do end end}).x = 1 local t = setmetatable({}, {__index = function() while true do end end}) while true do pcall(function() return t.x end) end",
-        "error(setmetatable({}, {__tostring = function() while true do end end}))",
-        "print(setmetatable({}, {__tostring = function() while true do end end}))",
-    ] {
-        ends_with(EndReason::Cpu, source);
-    }
-}
-
-#[test]
-fn a_cancelled_task_cannot_continue() {
-    let rig = ends(
-        "local t = task.spawn(function()
-             while true do pcall(function() while true do pcall(task.wait) robot.move(9, 9) end end) end
-         end)
-         task.wait(0.1) t:cancel()",
-    );
-    rig.assert_ended(EndReason::Done, "");
-    ends_with(
-        EndReason::Cpu,
-        "local t = task.spawn(function() pcall(task.wait, 9) while true do pcall(function() end) end end)
-         task.wait(0.1) t:cancel()",
-    );
-}
-
-#[test]
 fn pattern_searches_are_bounded() {
     for source in [
         "local s = ('a'):rep(2e6) print(pcall(string.find, s, ('a'):rep(1e6) .. 'b', 1, true))",
@@ -156,55 +122,6 @@ fn library_calls_over_wide_ranges_end() {
 }
 
 #[test]
-fn sorting_is_interrupted() {
-    for source in [
-        "local t = {} local s = ('a'):rep(1000) for i = 1, 4000 do t[i] = s .. i end while true do table.sort(t) end",
-        "local t = {} for i = 1, 1e5 do t[i] = i end while true do table.sort(t, function(a, b) return true end) end",
-    ] {
-        let rig = ends(source);
-        assert!(matches!(
-            rig.exit().reason,
-            EndReason::Cpu | EndReason::Error
-        ));
-    }
-}
-
-#[test]
-fn loops_of_library_functions_alone_are_interrupted() {
-    for source in [
-        "local t = table.create(200000, 1) table.sort(table.create(200000, t), table.find)",
-        "local k = {} for _ = 1, 40 do k = {[k] = table.foreach, [table.clone(k)] = table.foreach} end table.foreach(k, table.foreach)",
-        "local l = table.create(100000, 'x') while true do pcall(table.foreachi, table.create(100000, ' '), string.rep) end",
-        "local m = {__eq = table.find} local function n() local a = setmetatable({}, m) for _ = 1, 20 do a = setmetatable(table.create(10, a), m) end return a end table.find(n(), n())",
-        "local s = ('x'):rep(1e6) while true do s:gsub('x', string.upper) end",
-        "while true do xpcall(error, table.concat, {}) end",
-    ] {
-        ends_with(EndReason::Cpu, source);
-    }
-    for last in [
-        "local t = table.create(200000, 1) table.sort(table.create(200000, t), table.find)",
-        "local k = {} for _ = 1, 40 do k = {[k] = table.foreach, [table.clone(k)] = table.foreach} end table.foreach(k, table.foreach)",
-    ] {
-        ends_with(
-            EndReason::Done,
-            &format!("script.on_stop(function() {last} end)"),
-        );
-    }
-}
-
-#[test]
-fn hash_flooding_is_interrupted_or_runs_out_of_memory() {
-    let rig = ends(
-        "local parts = {} for i = 1, 100000 do parts[i] = ('%08d'):format(i):rep(4) end
-         while true do local all = table.concat(parts, ','):split(',') end",
-    );
-    assert!(matches!(
-        rig.exit().reason,
-        EndReason::Cpu | EndReason::Memory
-    ));
-}
-
-#[test]
 fn memory_bombs_end_with_memory() {
     for source in [
         "local t = {} while true do t[#t + 1] = {} end",
@@ -222,78 +139,6 @@ fn memory_bombs_end_with_memory() {
         );
         assert!(rig.script.usage().memory_bytes < 10 * 1024 * 1024);
     }
-}
-
-#[test]
-fn a_swallowed_memory_error_stays_within_the_limit() {
-    let rig = ends(
-        "local keep = {} while true do pcall(function() while true do keep[#keep + 1] = ('x'):rep(100000) .. #keep end end) end",
-    );
-    assert!(matches!(
-        rig.exit().reason,
-        EndReason::Cpu | EndReason::Memory
-    ));
-    assert!(rig.script.usage().memory_bytes < 10 * 1024 * 1024);
-}
-
-#[test]
-fn deep_recursion_is_an_error_not_a_crash() {
-    for source in [
-        "local function f() return 1 + f() end f()",
-        "local t = setmetatable({}, {}) getmetatable(t).__index = function(_, k) return t[k] end return t.x",
-        "local function f(n) return coroutine.wrap(f)(n + 1) end f(1)",
-        "local function f() return (('x'):gsub('x', f)) end f()",
-        "local function f() table.sort({1, 2, 3}, f) end f()",
-        "local s = {} for i = 1, 50000 do s = {s} end print(s) log.info('x', {s = s}) error('deep')",
-    ] {
-        let rig = ends(source);
-        assert!(
-            matches!(
-                rig.exit().reason,
-                EndReason::Error | EndReason::Memory | EndReason::Cpu
-            ),
-            "{source}: {:?}",
-            rig.exit()
-        );
-    }
-}
-
-#[test]
-fn failing_calls_do_not_grow_memory_outside_the_vm() {
-    let rig = ends(
-        "local keep, long = {}, ('x'):rep(100000)
-         while true do
-             local _, e = pcall(robot.play, long) keep[#keep + 1] = e
-             assert(#e < 500)
-         end",
-    );
-    assert!(matches!(
-        rig.exit().reason,
-        EndReason::Cpu | EndReason::Memory
-    ));
-}
-
-#[test]
-fn rethrown_errors_stay_flat() {
-    ends(
-        "local function f(n) local ok, e = pcall(function() if n > 0 then f(n - 1) else robot.move('x') end end) error(e) end
-         for _ = 1, 1000 do pcall(f, 50) end",
-    );
-}
-
-#[test]
-fn table_move_has_its_timeout_fix() {
-    // The flag may disappear in a later Luau: then this call must be quick without it.
-    let began = RealTime::now();
-    ends("pcall(table.move, {}, 1, 2e9, -2e9, {})");
-    assert!(began.elapsed() < Duration::from_secs(4));
-}
-
-#[test]
-fn log_output_is_bounded() {
-    let rig = ends("while true do print(('x'):rep(1000)) end");
-    assert_eq!(rig.exit().reason, EndReason::Cpu);
-    assert!(rig.log.len() < 110);
 }
 
 #[test]

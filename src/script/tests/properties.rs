@@ -17,93 +17,27 @@ fn run(source: &[u8]) {
 
 /// Words of the language and of the API, in any order.
 fn words() -> impl Strategy<Value = String> {
-    let word = prop::sample::select(vec![
-        "robot",
-        "task",
-        "script",
-        ".",
-        ":",
-        "(",
-        ")",
-        "{",
-        "}",
-        "move",
-        "wait",
-        "spawn",
-        "on",
-        "'frame'",
-        "50",
-        "-1",
-        "0/0",
-        "nil",
-        "function",
-        "end",
-        "return",
-        "pcall",
-        "coroutine",
-        "wrap",
-        "yield",
-        "error",
-        "=",
-        ",",
-        "local",
-        "x",
-        "all",
-        "race",
-        "timeout",
-        "cancel",
-        "stop",
-        "if",
-        "then",
-        "for",
-        "in",
-        "do",
-        "while",
-        "true",
-        "\n",
-    ]);
+    let words = "
+        robot task script . : ( ) { } move wait spawn on 'frame' 50 -1 0/0 nil function end
+        return pcall coroutine wrap yield error = , local x all race timeout cancel stop if then
+        for in do while true";
+    let words: Vec<&str> = words.split_whitespace().chain(["\n"]).collect();
+    let word = prop::sample::select(words);
     prop::collection::vec(word, 0..40).prop_map(|words| words.join(" "))
 }
 
 /// A call of the API with values of any kind.
 fn call() -> impl Strategy<Value = String> {
-    let name = prop::sample::select(vec![
-        "robot.move",
-        "robot.drive",
-        "robot.turn",
-        "robot.led",
-        "robot.blink",
-        "robot.play",
-        "robot.say",
-        "robot.stream",
-        "robot.dock",
-        "robot.undock",
-        "robot.on",
-        "robot.once",
-        "robot.wait_for",
-        "robot.wait_frame",
-        "robot.frame",
-        "task.wait",
-        "task.spawn",
-        "task.delay",
-        "task.every",
-        "task.all",
-        "task.race",
-        "task.timeout",
-        "script.stop",
-        "script.on_stop",
-        "log.info",
-        "print",
-        "coroutine.resume",
-        "coroutine.wrap",
-        "coroutine.close",
-        "string.split",
-        "string.gsub",
-        "table.sort",
-        "task.spawn(print).join",
-        "task.spawn(print).cancel",
-        "robot.on('docked', print).off",
-    ]);
+    let names = "
+        robot.move robot.drive robot.turn robot.led robot.blink robot.play robot.say
+        robot.stream robot.dock robot.undock robot.on robot.once robot.wait_for robot.wait_frame
+        robot.frame task.wait task.spawn task.delay task.every task.all task.race task.timeout
+        script.stop script.on_stop log.info print coroutine.resume coroutine.wrap
+        coroutine.close string.split string.gsub table.sort task.spawn(print).join
+        task.spawn(print).cancel";
+    let methods = ["robot.on('docked', print).off"];
+    let names: Vec<&str> = names.split_whitespace().chain(methods).collect();
+    let name = prop::sample::select(names);
     let value = prop::sample::select(vec![
         "nil",
         "true",

@@ -56,7 +56,6 @@ impl Battery {
         self.percent <= 0.0 && !self.charging
     }
 
-    /// Advances by `dt`; `effort` is the motors' load, 0..=1.
     pub(crate) fn step(&mut self, dt: Duration, effort: f64) {
         let rate = if self.charging {
             self.settings.charge_per_minute
@@ -127,7 +126,6 @@ impl PowerReports {
         }
     }
 
-    /// Records the battery's current level and returns the level to report.
     pub(super) fn level(&mut self, power: Power) -> Power {
         if self.levels.back().is_none_or(|(_, last)| *last != power) {
             self.levels.push_back((Duration::ZERO, power));

@@ -117,7 +117,6 @@ impl Chassis {
         self.advance(way, forward, obstacles);
     }
 
-    /// Moves up to the first obstacle.
     fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
         /// Metres per step; a blocked body that moves less stays blocked.
         const CREEP: f64 = 0.0005;
@@ -182,7 +181,6 @@ impl TrackSlip {
         }
     }
 
-    /// Returns the actual speeds for the wanted ones.
     pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
         if self.settings == TrackSettings::default() {
             return wanted;

@@ -341,13 +341,6 @@ mod tests {
     }
 
     #[test]
-    fn a_dark_station_is_not_found_and_the_search_ends() {
-        let world = World::default_world();
-        let (seconds, found) = dock_from(&world, Pose::new(2.0, 2.5, 0.0), false);
-        assert!(!found && (15.0..30.0).contains(&seconds), "{seconds}");
-    }
-
-    #[test]
     fn a_station_behind_a_wall_is_not_found() {
         let world = World::default_world();
         let (_, found) = dock_from(&world, Pose::new(5.5, 0.6, 0.0), true);

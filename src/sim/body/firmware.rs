@@ -95,17 +95,11 @@ impl Default for Firmware {
 impl Firmware {
     /// Parses firmware settings from YAML; missing keys get their defaults. `name` is the name of
     /// the text in errors.
-    ///
-    /// # Errors
-    /// [`DocumentError::Invalid`] with line and column: unknown keys, values out of range.
     pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, DocumentError> {
         yaml::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
     /// Reads firmware settings from a file.
-    ///
-    /// # Errors
-    /// As [`Firmware::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
         yaml::load(path, DocumentKind::Firmware, Firmware::from_yaml)
     }

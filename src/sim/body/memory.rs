@@ -113,7 +113,6 @@ impl RobotLog {
         self.lines.clear();
     }
 
-    /// Returns all lines in the format of LOG.
     pub(super) fn text(&self) -> Bytes {
         let lines: Vec<&str> = self.lines.iter().map(String::as_str).collect();
         Bytes::from(lines.join("\n"))

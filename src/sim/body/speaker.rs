@@ -70,7 +70,6 @@ impl Speaker {
         self.volume
     }
 
-    /// Sets the volume; more than 100 is 100.
     pub(crate) fn set_volume(&mut self, percent: u8) {
         self.volume = percent.min(100);
     }

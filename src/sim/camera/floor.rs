@@ -6,7 +6,7 @@ use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
 
 use super::light::{Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
-use super::texture::{Pixel, Texture, between, lit};
+use super::texture::{Level, Pixel, Texture, between, lit};
 use super::view::{HEIGHT, Row, View, WIDTH};
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
@@ -49,21 +49,14 @@ impl Floor {
             .texture
             .get_or_insert_with(|| floor_texture(&self.world));
         let even = lighting.is_uniform() && !view.flash;
-        let edges = [view.column(0), view.column(1)];
         for row in HEIGHT / 2..HEIGHT {
             let Row {
                 depth,
                 lamps,
                 flash,
             } = self.rows[row - HEIGHT / 2];
-            let level = floor.level(depth / view.focal);
-            let [y, x] = level.scale.map(|scale| scale * 256.0);
-            let start = view.place(edges[0], depth);
-            let next = view.place(edges[1], depth);
-            let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
-            let start = (start.0 * x - 128.0, start.1 * y - 128.0);
+            let texels = Texels::at_depth(floor, view, depth);
             let line = &mut frame[row * WIDTH..][..WIDTH];
-            let stride = stride(depth / view.focal * level.scale[1]);
             for (patch, floor_tops) in (0..WIDTH).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
                 if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
@@ -73,35 +66,69 @@ impl Floor {
                 let room = lighting.at(px, py);
                 let flash = flash * view.beam(middle);
                 let light = light(room.map(|channel| (channel * lamps + flash) * exposure));
-                let colour = |column: usize| {
-                    let right = column as f32;
-                    let x = start.0 + right * step.0;
-                    let y = start.1 + right * step.1;
-                    lit(level.smooth(y as i32, x as i32), light)
-                };
-                let mut left = colour(patch);
-                for part in (0..PATCH).step_by(stride) {
-                    let right = colour(patch + part + stride);
-                    for off in 0..stride {
-                        if row >= floor_tops[part + off] {
-                            let share = (off * 256 / stride) as u32;
-                            line[patch + part + off] = between(left, right, share);
-                        }
-                    }
-                    left = right;
-                }
+                let visible = |column: usize| row >= floor_tops[column];
+                texels.paint(&mut line[patch..][..PATCH], patch, light, visible);
             }
         }
     }
 }
 
-/// Returns the number of columns that may share one texture sample when one column is `pixels`
-/// texels wide. Columns between samples are interpolated.
-fn stride(pixels: f32) -> usize {
-    match pixels {
-        _ if pixels < 0.25 => 4,
-        _ if pixels < 0.6 => 2,
-        _ => 1,
+/// The texels of the floor that one row of the frame shows.
+struct Texels<'a> {
+    level: &'a Level,
+    /// The place of the first column, x and y in 256ths of a texel.
+    start: [f32; 2],
+    /// From one column to the next.
+    step: [f32; 2],
+    /// The number of columns that share one sample; those between samples are interpolated.
+    stride: usize,
+}
+
+impl<'a> Texels<'a> {
+    fn at_depth(floor: &'a Texture, view: &View, depth: f32) -> Texels<'a> {
+        let level = floor.level(depth / view.focal);
+        let [y, x] = level.scale.map(|scale| scale * 256.0);
+        let start = view.place(view.column(0), depth);
+        let next = view.place(view.column(1), depth);
+        let stride = match depth / view.focal * level.scale[1] {
+            pixels if pixels < 0.25 => 4,
+            pixels if pixels < 0.6 => 2,
+            _ => 1,
+        };
+        Texels {
+            level,
+            start: [start.0 * x - 128.0, start.1 * y - 128.0],
+            step: [(next.0 - start.0) * x, (next.1 - start.1) * y],
+            stride,
+        }
+    }
+
+    fn colour(&self, column: usize, light: Pixel) -> Pixel {
+        let right = column as f32;
+        let x = self.start[0] + right * self.step[0];
+        let y = self.start[1] + right * self.step[1];
+        lit(self.level.smooth(y as i32, x as i32), light)
+    }
+
+    /// Paints the visible ones of these columns, the first of which is `patch`.
+    fn paint(
+        &self,
+        line: &mut [Pixel],
+        patch: usize,
+        light: Pixel,
+        visible: impl Fn(usize) -> bool,
+    ) {
+        let mut left = self.colour(patch, light);
+        for part in (0..PATCH).step_by(self.stride) {
+            let right = self.colour(patch + part + self.stride, light);
+            for off in 0..self.stride {
+                if visible(part + off) {
+                    let share = (off * 256 / self.stride) as u32;
+                    line[part + off] = between(left, right, share);
+                }
+            }
+            left = right;
+        }
     }
 }
 

@@ -100,7 +100,6 @@ impl Scene {
         scene
     }
 
-    /// Moves balls and people; returns whether any of them moved.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
         let mut moved = false;
         for (round, place) in self.rounds.iter_mut().zip(places) {
@@ -110,7 +109,6 @@ impl Scene {
         moved
     }
 
-    /// Returns the texture of a panel, painting it on first use.
     pub(crate) fn picture(&mut self, index: usize) -> &Texture {
         let panel = &mut self.panels[index];
         let codes = &self.codes;
@@ -195,7 +193,7 @@ impl Scene {
         if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
             return;
         }
-        let Some([left, right]) = slopes(a, b) else {
+        let Some([left, right]) = slopes([a, b]) else {
             return;
         };
         for column in view.columns(left, right) {
@@ -249,7 +247,7 @@ impl Scene {
 
 /// Returns the slopes, from left to right, between which a line is visible; each end is given as
 /// its distance ahead and to the right. `None` if the line is behind the camera.
-fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
+fn slopes([a, b]: [(f32, f32); 2]) -> Option<[f32; 2]> {
     let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
     if far.0 <= NEAR {
         return None;
@@ -342,9 +340,9 @@ mod tests {
 
     #[test]
     fn slopes_cover_the_part_ahead_of_the_camera() {
-        assert_eq!(slopes((1.0, 1.0), (1.0, -1.0)), Some([-1.0, 1.0]));
-        assert_eq!(slopes((-1.0, 1.0), (-1.0, -1.0)), None);
-        let [left, right] = slopes((-1.0, 1.0), (1.0, 1.0)).unwrap();
+        assert_eq!(slopes([(1.0, 1.0), (1.0, -1.0)]), Some([-1.0, 1.0]));
+        assert_eq!(slopes([(-1.0, 1.0), (-1.0, -1.0)]), None);
+        let [left, right] = slopes([(-1.0, 1.0), (1.0, 1.0)]).unwrap();
         assert!(left >= 0.99 && right > WIDTH as f32 / 4.0, "{left} {right}");
     }
 }

@@ -99,7 +99,6 @@ impl View {
         EYE - (row as f32 + 0.5 - HORIZON) * depth / self.focal
     }
 
-    /// Returns the place on the floor at a depth in a column.
     pub(crate) fn place(&self, column: Column, depth: f32) -> (f32, f32) {
         let (dx, dy) = self.direction(column);
         (
@@ -121,7 +120,6 @@ impl View {
 }
 
 impl Row {
-    /// Creates the row that is `row` rows below the horizon.
     pub(crate) fn below_horizon(row: usize, focal: f32) -> Row {
         let depth = EYE * focal / (row as f32 + 0.5);
         Row {

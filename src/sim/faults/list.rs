@@ -20,10 +20,6 @@ struct Document {
 
 impl Fault {
     /// Parses a list of faults; `name` is the name of the text in errors, usually its file name.
-    ///
-    /// # Errors
-    /// [`DocumentError::Invalid`] with line and column: unknown keys and faults, values out of
-    /// range, keys that do not apply to the fault.
     pub fn list_from_yaml(text: &str, name: &str) -> Result<Vec<Fault>, DocumentError> {
         let invalid =
             |path: &[Step], message| DocumentError::invalid(name, yaml::find(text, path), message);
@@ -42,9 +38,6 @@ impl Fault {
     }
 
     /// Reads a list of faults from a file.
-    ///
-    /// # Errors
-    /// As [`Fault::list_from_yaml`], or the file cannot be read.
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
         yaml::load(path, DocumentKind::Faults, Fault::list_from_yaml)
     }

@@ -75,9 +75,9 @@ impl ProxyDirection {
 
     /// Reads from `from` and queues writes until the input ends. Queued writes are still
     /// delivered.
-    async fn read_input(
+    async fn read_input<R: AsyncRead + Unpin>(
         &mut self,
-        from: &mut (impl AsyncRead + Unpin),
+        from: &mut R,
         queue: mpsc::Sender<QueuedWrite>,
     ) {
         let mut buffer = vec![0; READ_LEN];
@@ -222,7 +222,6 @@ const PIECES_PER_SECOND: u32 = 50;
 /// Maximum lateness of a timer. A limited stream catches up on it, to keep its average rate.
 const LATE: Duration = Duration::from_millis(2);
 
-/// How one direction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
     /// One end has closed or disappeared.
@@ -269,9 +268,9 @@ impl ThrottledWriter {
         End::Closed
     }
 
-    async fn write(
+    async fn write<W: AsyncWrite + Unpin>(
         &mut self,
-        to: &mut (impl AsyncWrite + Unpin),
+        to: &mut W,
         mut bytes: Bytes,
     ) -> std::io::Result<()> {
         while !bytes.is_empty() {

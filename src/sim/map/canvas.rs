@@ -29,7 +29,6 @@ impl TextStyle {
         }
     }
 
-    /// Large bold text.
     pub(crate) const fn title(ink: Ink) -> TextStyle {
         TextStyle {
             ink,
@@ -79,8 +78,13 @@ pub(crate) struct MapCanvas {
 
 impl MapCanvas {
     /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
-    pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<MapCanvas> {
-        let mut pixels = Pixmap::new(size.0, size.1)?;
+    pub(crate) fn new(
+        width: u32,
+        height: u32,
+        scale: f32,
+        origin: (f32, f32),
+    ) -> Option<MapCanvas> {
+        let mut pixels = Pixmap::new(width, height)?;
         pixels.fill(Color::WHITE);
         Some(MapCanvas {
             pixels,
@@ -105,7 +109,6 @@ impl MapCanvas {
         self.fill_pixels(&corners, ink);
     }
 
-    /// Fills a polygon given in pixels.
     pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
         if let Some(path) = through(corners, true) {
             self.fill_path(&path, ink);
@@ -324,7 +327,7 @@ mod tests {
 
     #[test]
     fn labels_without_room_are_omitted_and_do_not_overlap() {
-        let mut canvas = MapCanvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
+        let mut canvas = MapCanvas::new(300, 300, 100.0, (20.0, 280.0)).unwrap();
         let style = TextStyle::small([0, 0, 0, 255]);
         for step in 0..20 {
             let place = Point::new(1.0 + 0.01 * f64::from(step), 1.0);

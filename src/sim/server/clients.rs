@@ -112,7 +112,6 @@ impl Clients {
         client.reports.push(report).is_ok()
     }
 
-    /// Disconnects and removes a client; returns true if it was the user.
     pub(crate) fn disconnect(&mut self, id: u64) -> bool {
         if let Some(client) = self.all.remove(&id) {
             client.cut.cancel();

@@ -14,7 +14,6 @@ use crate::wire::Command;
 /// Places in a queue whose length the firmware's settings leave open.
 const UNLIMITED: usize = 4096;
 
-/// A command in the queue.
 #[derive(Debug)]
 pub(crate) struct QueuedCommand {
     /// Time since the start of the server at which the command was received.

@@ -79,8 +79,8 @@ pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
     let _ = channels.events.send(Event::Gone { client }).await;
 }
 
-async fn read(
-    reader: &mut (impl AsyncRead + Unpin),
+async fn read<R: AsyncRead + Unpin>(
+    reader: &mut R,
     channels: &Channels,
 ) -> Result<(), FramingError> {
     let mut decoder = Decoder::new();
@@ -115,7 +115,7 @@ fn decode_all(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<
 
 /// Writes one message at a time with a pause in between, so that a client with one read per message
 /// can keep up. Returns `Ok` when the report queue is closed.
-async fn write(writer: &mut (impl AsyncWrite + Unpin), channels: &Channels) -> std::io::Result<()> {
+async fn write<W: AsyncWrite + Unpin>(writer: &mut W, channels: &Channels) -> std::io::Result<()> {
     let mut rested = Instant::now();
     loop {
         channels.unmuted().await;
@@ -132,10 +132,11 @@ async fn write(writer: &mut (impl AsyncWrite + Unpin), channels: &Channels) -> s
 
 /// Shuts down writing, then reads until the client closes: closing a socket with unread bytes would
 /// send RST, which discards the last message.
-async fn close_orderly(
-    reader: &mut (impl AsyncRead + Unpin),
-    writer: &mut (impl AsyncWrite + Unpin),
-) {
+async fn close_orderly<R, W>(reader: &mut R, writer: &mut W)
+where
+    R: AsyncRead + Unpin,
+    W: AsyncWrite + Unpin,
+{
     let _ = writer.shutdown().await;
     let mut rest = [0; 1024];
     while let Ok(1..) = reader.read(&mut rest).await {}

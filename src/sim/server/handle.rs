@@ -259,7 +259,6 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Adds a command and assigns its index.
     pub(crate) fn add(&mut self, at: Duration, queued: QueuedCommand) {
         let QueuedCommand {
             received,

@@ -97,7 +97,6 @@ impl RobotServer {
         }
     }
 
-    /// Whether the robot is rebooting and cannot be reached.
     pub(crate) fn is_rebooting(&self) -> bool {
         self.rebooting
     }
@@ -117,7 +116,6 @@ impl RobotServer {
         }
     }
 
-    /// Advances the simulation to the current time.
     pub(crate) fn advance(&mut self) {
         let now = Instant::now();
         for _ in 0..MAX_CATCH_UP {
@@ -335,7 +333,6 @@ impl RobotServer {
         }
     }
 
-    /// Records a command as executed now.
     fn record(&mut self, queued: QueuedCommand) {
         self.log_command(queued.client, &queued.command);
         handle::lock(&self.ends.journal).add(self.started.elapsed(), queued);

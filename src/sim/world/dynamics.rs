@@ -89,7 +89,6 @@ impl Dynamics {
         }
     }
 
-    /// Returns the current places, balls first.
     pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
         self.all.iter().map(|mover| mover.body.middle)
     }

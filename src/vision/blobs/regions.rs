@@ -1,9 +1,7 @@
-//! Labels the connected components of a picture in one pass.
-//!
-//! Each row is split into runs of one label; a run that touches runs of the same label in the row
-//! above (8-connectivity, as by default in OpenCV) joins their region by union-find. Pixel counts,
-//! boxes and moments are summed up on the way, so no label image is written. Buffers are reused:
-//! after the first pictures nothing is allocated.
+//! Labels the connected components of a picture in one pass: runs of one label are joined with
+//! those they touch in the row above (8-connectivity, as by default in OpenCV) by union-find, and
+//! counts, boxes and moments are summed up on the way. After the first pictures nothing is
+//! allocated.
 
 use crate::vision::picture::{Roi, Spans};
 
@@ -449,13 +447,6 @@ mod tests {
             .iter()
             .for_each(|&(x, y)| moments.add_run(x, x + 1, y));
         moments
-    }
-
-    #[test]
-    fn a_run_equals_its_single_pixels() {
-        let mut run = Moments::default();
-        run.add_run(3, 9, 7);
-        assert_eq!(run, of(&[(3, 7), (4, 7), (5, 7), (6, 7), (7, 7), (8, 7)]));
     }
 
     #[test]

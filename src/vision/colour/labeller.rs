@@ -14,7 +14,7 @@ pub(crate) struct Labeller<'a> {
     vectors: Vectors,
     /// Rows of Cb and of Cr and the first pixel column for which `spans` is valid; rows of pixels
     /// may share them.
-    known: Option<(u32, u32, u32)>,
+    known: Option<[u32; 3]>,
     spans: Spans,
     settled: u32,
 }
@@ -48,7 +48,7 @@ impl<'a> Labeller<'a> {
         let [_, cb, cr] = &image.planes;
         let cbs = cb.row(y);
         let crs = cr.row(y);
-        let key = (y >> cb.down, y >> cr.down, x);
+        let key = [y >> cb.down, y >> cr.down, x];
         match (cb.across, cr.across) {
             (0, 0) => self.label::<1>(key, luma, &cbs[x as usize..], &crs[x as usize..], labels),
             (1, 1) if x.is_multiple_of(2) => {
@@ -70,7 +70,7 @@ impl<'a> Labeller<'a> {
     /// Labels pixels of which `N` share Cb and Cr; the last group may be shorter.
     fn label<const N: usize>(
         &mut self,
-        key: (u32, u32, u32),
+        key: [u32; 3],
         luma: &[u8],
         cbs: &[u8],
         crs: &[u8],

@@ -1,10 +1,6 @@
 //! Colours compiled into one table, so that classifying a pixel costs one look-up however many
-//! colours there are.
-//!
-//! The table is indexed by luma, Cb and Cr, as in JPEG: pixels are never converted to RGB. For each
-//! pair of Cb and Cr it has a row of 64 brightness levels, computed exactly when the pair first
-//! occurs in a picture. So compiling is fast, a picture touches few cache lines, and all pairs
-//! without any colour share one row.
+//! colours there are. It is indexed by luma, Cb and Cr: for each pair of Cb and Cr it has a row of
+//! 64 brightness levels, computed when the pair first occurs in a picture.
 
 use super::Colour;
 #[cfg(target_arch = "x86_64")]
@@ -235,7 +231,6 @@ impl Cells {
         self.settled[usize::from(cell.cb)] >> cell.cr & 1 != 0
     }
 
-    /// Records whether a cell is live.
     pub(super) fn settle(&mut self, cell: Cell, live: bool) {
         self.settled[usize::from(cell.cb)] |= 1 << cell.cr;
         if !live {

@@ -22,9 +22,6 @@ pub struct Decoder {
 impl Decoder {
     /// Decodes a frame: baseline or progressive, colour, grey or CMYK, with or without Huffman
     /// tables.
-    ///
-    /// # Errors
-    /// The reason why the bytes cannot be decoded.
     pub fn decode(&mut self, jpeg: &[u8]) -> Result<&Image, FrameError> {
         let result = self.try_decode(jpeg);
         if result.is_err() {
@@ -191,8 +188,10 @@ impl Baseline {
         image: &mut Image,
     ) -> Option<Result<(), DecodeError>> {
         let progress = self.progress.take()?;
-        let known = jpeg.starts_with(&self.beginning);
-        known.then(|| self.decode_rest(jpeg, progress, image))
+        if !jpeg.starts_with(&self.beginning) {
+            return None;
+        }
+        Some(self.decode_rest(jpeg, progress, image))
     }
 
     fn decode_rest(

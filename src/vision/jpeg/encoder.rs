@@ -44,7 +44,6 @@ pub struct Encoder {
     planes: [Vec<f32>; 3],
 }
 
-/// The tables with which the blocks of a component are encoded.
 struct Coder {
     /// The factor of each coefficient, in the order of a block.
     factors: Block,

@@ -1,8 +1,5 @@
-//! Validates the markers of a frame before its data is decoded.
-//!
-//! Cameras and links truncate frames, and decoders accept half a file without an error. Therefore
-//! the markers are checked first: start, sizes, tables, first scan, end. Nothing is allocated, and
-//! the work is bounded by the length of the bytes.
+//! Validates the markers of a frame before its data is decoded: cameras and links truncate frames,
+//! and decoders accept half a file without an error. Nothing is allocated.
 
 use thiserror::Error;
 
@@ -54,11 +51,8 @@ impl FrameError {
     }
 }
 
-/// Checks the start, markers, size and end of a JPEG without decoding it.
-///
-/// # Errors
-/// The reason why the bytes are invalid; `Ok` does not guarantee that the data between the markers
-/// is valid.
+/// Checks the start, markers, size and end of a JPEG without decoding it. The data
+/// between the markers may still be invalid.
 pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     Markers::read(jpeg).map(|markers| markers.size)
 }

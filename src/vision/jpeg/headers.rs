@@ -43,7 +43,6 @@ pub(super) struct Component {
 pub(super) struct Quantiser {
     source: [u16; 64],
     pub(super) scaled: [i32; 64],
-    /// Whether the current frame has defined this table.
     pub(super) present: bool,
 }
 

@@ -61,7 +61,6 @@ impl Entry {
 pub(crate) struct Coded {
     pub(crate) taken: u32,
     pub(crate) run: u8,
-    /// 0 if there is no value.
     pub(crate) value: i32,
 }
 
@@ -78,7 +77,6 @@ impl Default for Table {
 }
 
 impl Table {
-    /// Whether this table has this definition.
     pub(crate) fn has_definition(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         self.source.get(..16) == Some(counts) && &self.source[16..] == symbols
     }

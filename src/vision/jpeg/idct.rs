@@ -1,10 +1,7 @@
-//! The inverse discrete cosine transform: converts a block's coefficients to its 64 samples.
-//!
-//! Uses the algorithm of Arai, Agui and Nakajima: some of its factors are folded into the
-//! quantisation table, which leaves five multiplications per row. Eight columns are processed at
-//! once in 16 bits, here in a form that compilers vectorise; [`super::avx2`] processes sixteen
-//! columns of two blocks. Results are within two levels of the exact ones, mostly within one. Sums
-//! wrap, so damaged data gives wrong samples and no panic.
+//! The inverse discrete cosine transform of Arai, Agui and Nakajima, whose factors are partly
+//! folded into the quantisation table, in a form that compilers vectorise ([`super::avx2`] does the
+//! same for two blocks). Results are within two levels of the exact ones. Sums wrap, so damaged
+//! data gives wrong samples and no panic.
 
 /// Fractional bits during the transform.
 const FRACTION: u32 = 3;

@@ -245,14 +245,7 @@ pub(super) fn decode_block(
     predictor: &mut i32,
     Coefficients(coefficients): &mut Coefficients,
 ) -> Option<bool> {
-    // Most blocks need fewer bits than this loads, so the branch in the refill below is
-    // predictable.
-    bits.refill_always();
-    let (run, difference) = dc_table.next(bits)?;
-    if run != 0 {
-        return None;
-    }
-    *predictor = predictor.wrapping_add(difference);
+    *predictor = predictor.wrapping_add(decode_difference(bits, dc_table)?);
     coefficients[0] = idct::dequantised(*predictor, quantiser[0]);
     let mut put = |place: usize, value: i32| {
         let coefficient = idct::dequantised(value, quantiser[place & 63]);
@@ -288,6 +281,17 @@ pub(super) fn decode_block(
         if index > 63 {
             return Some(true);
         }
+    }
+}
+
+/// Decodes the difference of a DC coefficient to the one before it.
+#[inline(always)]
+fn decode_difference(bits: &mut Bits<'_>, dc_table: &Table) -> Option<i32> {
+    // Most blocks need fewer bits than this loads, so the branch in the next refill is predictable.
+    bits.refill_always();
+    match dc_table.next(bits)? {
+        (0, difference) => Some(difference),
+        _ => None,
     }
 }
 

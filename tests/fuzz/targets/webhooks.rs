@@ -31,7 +31,7 @@ let robot = text();
         body: json.is_none().then_some(body),
         json,
         picture: ways[usize::from(how >> 1) % ways.len()],
-        token_env: Some("TOKEN".to_owned()),
+        token_file: Some("token".into()),
         ..Target::default()
     };
     let mut options = Options::default();

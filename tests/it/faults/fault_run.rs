@@ -21,8 +21,7 @@ battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.0
 
 /// Short times, to keep the tests short; the rules are the same.
 const CONFIG: &str = "
-link: { connect_timeout: 2, login_timeout: 1, first_pause: 0.05, longest_pause: 0.3, dead_after: 1 }
-watchdog: { stream_silence: 1, power_silence: 5, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1, blind_moves: true, rescue: off }
+watchdog: { power_silence: 5, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, blind_moves: true, rescue: off }
 ";
 
 /// Prints the events that it receives, and requests a sound while no robot is connected.

@@ -46,7 +46,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "every message is reassembled, pictures too", network::drives_and_sees_on, Watches;
     "slow pictures", "{fault: drip, bytes: 40000, towards: client}",
         "the script sees fewer pictures and drives on", network::drives_and_sees_on, Watches;
-    "a very slow link", "{fault: drip, bytes: 400, towards: client, for: 4}",
+    "a very slow link", "{fault: drip, bytes: 400, towards: client, for: 8}",
         "when hardly any bytes arrive from the robot, the tracks are stopped; then reconnect", network::stops_first, Cruises;
     "everything late and in pieces", "{fault: split}, {fault: delay, seconds: 0.05, jitter: 0.1}, {fault: drop, after: 0.5}",
         "a reconnect works over a bad link too; the first command is a stop", network::comes_back, Drives;
@@ -94,7 +94,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "the script receives `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
     "no battery level", "{fault: no_power}",
         "silence counts as low: stop and BASE_FIND", robot::silence_counts_as_low, Drives;
-    "no battery level after the login", "{fault: no_power, for: 6}, {fault: drop}",
+    "no battery level after the login", "{fault: no_power, for: 12}, {fault: drop}",
         "nothing moves before the first level has arrived", robot::waits_for_a_level, Drives;
     "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 3}",
         "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;

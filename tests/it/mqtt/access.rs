@@ -155,7 +155,7 @@ async fn over_tls_a_broker_is_trusted_only_with_a_certificate_of_the_authority()
         let ca = broker.folder().join(ca);
         rig.run_config(&format!(
             "behaviours: [{{ file: patrol.lua }}]\n\
-             mqtt: {{ host: 127.0.0.1, port: {port}, tls: {{ ca_file: '{}' }}, prefix: house, discovery_prefix: ha }}\n",
+             mqtt: {{ host: 127.0.0.1, port: {port}, ca_file: '{}', prefix: house, discovery_prefix: ha }}\n",
             ca.display()
         ))
     };

@@ -133,7 +133,7 @@ async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     for (what, reaction) in REACTIONS {
         let address = serve(*reaction);
         let target = format!(
-            "hook: {{ url: '{address}?{{token}}', token_file: token, timeout: 1, headers: {{ X-Token: '{{token}}' }} }}"
+            "hook: {{ url: '{address}?{{token}}', token_file: token, headers: {{ X-Token: '{{token}}' }} }}"
         );
         rig.file("hook.yaml", &config(&rig, &target, ""));
         let mut test = rig.spykee(&["config", "test-notify", "--config", "hook.yaml"]);
