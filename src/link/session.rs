@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::TcpStream;
 use tokio::net::tcp::OwnedWriteHalf;
+use tokio::net::{TcpSocket, TcpStream};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
@@ -26,6 +26,11 @@ pub const MAX_EARLY_REPORTS: usize = 32;
 /// The longest wait for a TCP connection while a stop is owed: the system repeats a lost request
 /// only after a second.
 const HURRIED_CONNECT: Duration = Duration::from_secs(1);
+
+/// The longest wait for the answer to a login while a stop is owed.
+const HURRIED_ANSWER: Duration = Duration::from_millis(1500);
+/// How long a connection from a former link's port may take; less than the system's first repetition.
+const RESET_TIME: Duration = Duration::from_millis(300);
 
 /// How long discovery may take to name the connected user.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
@@ -68,7 +73,14 @@ pub async fn connect(
         options.connect_timeout = options.connect_timeout.min(HURRIED_CONNECT);
     }
     let options = &options;
-    let stream = open_tcp(target, options).await?;
+    let former = match supervision.former {
+        Some(former) if supervision.hurried => former.connect(options).await,
+        _ => None,
+    };
+    let stream = match former {
+        Some(stream) => stream,
+        None => open_tcp(target, options).await?,
+    };
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
     let direct = duplicate(&stream).map_err(LinkError::Unguarded)?;
@@ -79,7 +91,7 @@ pub async fn connect(
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
     match log_in(reader, writer, peer, login, &supervision, limit).await {
-        Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
+        Err(LinkError::InUse { .. }) if !supervision.hurried => Err(LinkError::InUse {
             by: discover::connected_user(peer, WHO_TIMEOUT).await,
         }),
         result => result,
@@ -161,8 +173,13 @@ impl Answers {
         let deadline = Instant::now() + limit;
         writer.write(&[Command::Login(login.clone())]).await?;
         loop {
-            let report = timeout_at(deadline, reader.next()).await;
             let waited = self.accepted.is_none();
+            let until = if waited && supervision.hurried {
+                deadline.min(deadline - limit + HURRIED_ANSWER)
+            } else {
+                deadline
+            };
+            let report = timeout_at(until, reader.next()).await;
             self.take(report.map_err(|_| self.late(limit))??, &login.user)?;
             let Some(accepted) = &self.accepted else {
                 continue;
@@ -218,6 +235,7 @@ pub struct AcceptedLogin {
 pub struct Supervision {
     last_words: watch::Receiver<Vec<Command>>,
     hurried: bool,
+    former: Option<FormerLink>,
     accepted: watch::Sender<Option<AcceptedLogin>>,
 }
 
@@ -227,6 +245,7 @@ impl Supervision {
         Supervision {
             last_words,
             hurried: false,
+            former: None,
             accepted: watch::Sender::new(None),
         }
     }
@@ -235,6 +254,12 @@ impl Supervision {
     #[must_use]
     pub fn hurried(self, hurried: bool) -> Supervision {
         Supervision { hurried, ..self }
+    }
+
+    /// Resets this link at the robot first if a stop is owed.
+    #[must_use]
+    pub fn instead_of(self, former: Option<FormerLink>) -> Supervision {
+        Supervision { former, ..self }
     }
 
     /// The login from the robot's acceptance on, for a process that sends the last words if this one
@@ -270,6 +295,39 @@ impl Supervision {
 impl From<Vec<Command>> for Supervision {
     fn from(last_words: Vec<Command>) -> Supervision {
         Supervision::new(watch::Sender::new(last_words).subscribe())
+    }
+}
+
+/// The addresses of a link that was lost. A robot that has not noticed believes in it and refuses
+/// other logins, until its system repeats something. A request for a connection from the same port
+/// makes both systems find out at once (RFC 9293, *half-open connections*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FormerLink {
+    local: SocketAddr,
+    peer: SocketAddr,
+}
+
+impl FormerLink {
+    /// The link of this login.
+    pub fn new(login: &AcceptedLogin) -> Option<FormerLink> {
+        let local = login.socket.local_addr().ok()?;
+        let peer = login.peer;
+        Some(FormerLink { local, peer })
+    }
+
+    /// Resets the link at the robot, or connects if the robot has forgotten it. `None` if there is no
+    /// connection within [`RESET_TIME`], or the port is in use here.
+    async fn connect(self, options: &Options) -> Option<TcpStream> {
+        let socket = match self.local {
+            SocketAddr::V4(_) => TcpSocket::new_v4().ok()?,
+            SocketAddr::V6(_) => TcpSocket::new_v6().ok()?,
+        };
+        socket.set_reuseaddr(true).ok()?;
+        socket.bind(self.local).ok()?;
+        let connected = timeout(RESET_TIME, socket.connect(self.peer)).await.ok()?;
+        let stream = connected.ok()?;
+        set_options(&stream, options.dead_after).ok()?;
+        Some(stream)
     }
 }
 
@@ -488,5 +546,23 @@ mod tests {
             socket.tcp_user_timeout().unwrap(),
             Some(Duration::from_secs(3))
         );
+    }
+
+    #[tokio::test]
+    async fn a_former_link_is_taken_up_from_its_port_unless_that_is_in_use() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let peer = listener.local_addr().unwrap();
+        let stream = TcpStream::connect(peer).await.unwrap();
+        let former = FormerLink {
+            local: stream.local_addr().unwrap(),
+            peer,
+        };
+        let options = Options::default();
+        assert!(former.connect(&options).await.is_none(), "it is still open");
+        // A reset leaves the port free at once.
+        stream.set_zero_linger().unwrap();
+        drop(stream);
+        let again = former.connect(&options).await.unwrap();
+        assert_eq!(again.local_addr().unwrap(), former.local);
     }
 }

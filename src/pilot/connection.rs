@@ -11,7 +11,8 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
 use crate::link::{
-    AcceptedLogin, Backoff, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
+    AcceptedLogin, Backoff, FormerLink, Incoming, LinkError, Options, Reader, Session, Supervision,
+    Writer,
 };
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -19,6 +20,9 @@ type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send
 
 /// The longest pause between two attempts while a stop is owed.
 const HURRIED_PAUSE: Duration = Duration::from_millis(250);
+/// After so many hurried attempts in a row, each fourth one has all the time of the config.
+const MANY_ATTEMPTS: u32 = 40;
+const PATIENT_EVERY: u32 = 4;
 /// An attempt that began before a stop was owed, and takes longer than this, is given up for another.
 const HURRIED_ATTEMPT: Duration = Duration::from_secs(1);
 
@@ -102,6 +106,10 @@ pub(super) struct Connection {
     last_words: watch::Sender<Vec<Command>>,
     released: bool,
     hurried: bool,
+    /// Attempts in a row while hurried.
+    hurried_attempts: u32,
+    /// The last link that the robot had accepted.
+    former: Option<FormerLink>,
 }
 
 impl Connection {
@@ -112,7 +120,8 @@ impl Connection {
         last_words: Vec<Command>,
     ) -> Connection {
         let last_words = watch::Sender::new(last_words);
-        let state = begin_attempt(&mut connector, &last_words, false);
+        let supervision = Supervision::new(last_words.subscribe());
+        let state = begin_attempt(&mut connector, supervision);
         Connection {
             connector,
             state,
@@ -121,6 +130,8 @@ impl Connection {
             last_words,
             released: false,
             hurried: false,
+            hurried_attempts: 0,
+            former: None,
         }
     }
 
@@ -192,6 +203,9 @@ impl Connection {
                             return ConnectionEvent::Accepted(accepted);
                         }
                     };
+                    if let Some(login) = &*attempt.accepted.borrow() {
+                        self.former = FormerLink::new(login);
+                    }
                     return self.attempt_ended(result);
                 }
                 State::Up(reader) => {
@@ -201,8 +215,23 @@ impl Connection {
                     };
                 }
             }
-            self.state = begin_attempt(&mut self.connector, &self.last_words, self.hurried);
+            let supervision = self.supervision();
+            self.state = begin_attempt(&mut self.connector, supervision);
         }
+    }
+
+    fn supervision(&mut self) -> Supervision {
+        self.hurried_attempts = if self.hurried {
+            self.hurried_attempts.saturating_add(1)
+        } else {
+            0
+        };
+        // A robot that takes long to answer must have the time at last.
+        let patient = self.hurried_attempts > MANY_ATTEMPTS
+            && self.hurried_attempts.is_multiple_of(PATIENT_EVERY);
+        Supervision::new(self.last_words.subscribe())
+            .hurried(self.hurried && !patient)
+            .instead_of(self.former)
     }
 
     fn attempt_ended(&mut self, result: Result<Session, LinkError>) -> ConnectionEvent {
@@ -263,12 +292,7 @@ impl Connection {
     }
 }
 
-fn begin_attempt(
-    connector: &mut Connector,
-    last_words: &watch::Sender<Vec<Command>>,
-    hurried: bool,
-) -> State {
-    let supervision = Supervision::new(last_words.subscribe()).hurried(hurried);
+fn begin_attempt(connector: &mut Connector, supervision: Supervision) -> State {
     let accepted = supervision.accepted();
     let connecting = connector(supervision);
     State::Connecting(Attempt {

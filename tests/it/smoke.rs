@@ -186,6 +186,26 @@ fn a_robot_out_of_reach_at_the_end_of_its_run_is_stopped_when_it_is_back() {
     expect_stopped_after_a_break(&[End::ScriptReturns, End::For, End::Interrupt, End::Killed]);
 }
 
+/// Its system has lost packets, not the connection: it refuses logins until it learns that.
+#[test]
+fn a_robot_that_believes_in_an_old_session_is_stopped_when_it_is_back() {
+    let packets = [Outage::Packets];
+    let mut cases = breaks::cases(&[End::ScriptReturns], &packets, &[12], 1);
+    cases.extend(breaks::cases(&[End::Killed], &packets, &[5], 1));
+    let outcomes = breaks::play_all(&cases, 8, &|_, _| ());
+    let table = breaks::Table::new(&cases, &outcomes);
+    for outcome in &outcomes {
+        match outcome {
+            // TCP's own repetition would take 7 s.
+            breaks::Outcome::After(time) => assert!(*time < Duration::from_secs(5), "{table}"),
+            breaks::Outcome::Failed(why) if why.starts_with("no network namespaces") => {
+                println!("not tested: {why}");
+            }
+            other => panic!("{other:?}\n{table}"),
+        }
+    }
+}
+
 /// Breadth first: every pair of events in every order, and many triples.
 #[test]
 fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
