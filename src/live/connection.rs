@@ -14,7 +14,7 @@ use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
 use serde::Deserialize;
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
 use super::broadcast::{Broadcast, text};
@@ -42,6 +42,8 @@ const MAX_COMMANDS: usize = 8;
 const MAX_WAITING: usize = 64;
 /// Maximum number of frames sent and not yet taken.
 const FRAMES: u32 = 2;
+/// How long the last notice to a page has to leave.
+const NOTICE_TIME: Duration = Duration::from_millis(200);
 /// Maximum number of log lines in one message.
 const MAX_LINES: usize = 100;
 
@@ -97,7 +99,11 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         let message = tokio::select! {
             biased;
             () = &mut revoked => return,
-            () = evicted.cancelled() => return,
+            () = evicted.cancelled() => {
+                reader.notice("evicted", String::new());
+                sleep(NOTICE_TIME).await;
+                return;
+            }
             message = timeout(SILENCE_TIMEOUT, stream.next()) => message,
             _ = &mut writing => return,
         };

@@ -145,6 +145,23 @@ pub async fn until_status(at: &str, headers: &str, wanted: u16) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_page_that_makes_room_for_a_driver_is_told_why() {
+    let rig = Rig::quiet().await;
+    let viewer = bearer(&token(&rig, "tv", "viewer").await);
+    let driver = bearer(&token(&rig, "pad", "driver").await);
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut oldest = Page::open(&at, &viewer).await.unwrap();
+    let mut others = Vec::new();
+    for _ in 1..spykee::http::MAX_VIEWERS {
+        others.push(Page::open(&at, &viewer).await.unwrap());
+    }
+    let _driver = Page::open(&at, &driver).await.unwrap();
+    oldest
+        .until("notice", |notice| notice["key"] == "evicted")
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn each_token_has_the_rights_of_its_role() {
     let rig = Rig::quiet().await;
     let viewer = bearer(&token(&rig, "tv", "viewer").await);

@@ -154,7 +154,7 @@ function build(app, visitor) {
     // The seconds are not read out, but the banner is.
     state.setAttribute("aria-live", late ? "off" : "polite");
     const low = stopped && last?.low ? ` ${t("emergency_stop_low")}` : "";
-    say(banner, stopped ? `${t(stopped)}${low}` : late ? t("server_lost") : "");
+    say(banner, stopped ? `${t(stopped)}${low}` : late ? t(connection.evicted ? "evicted" : "server_lost") : "");
     banner.hidden = banner.textContent === "";
     banner.classList.toggle("loud", ["stop_no_connection", "stop_out_of_reach"].includes(stopped));
   }

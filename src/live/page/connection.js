@@ -7,6 +7,8 @@ const FIRST_PAUSE = 300;
 const LONGEST_PAUSE = 2000;
 /** The server says something twice a second. After this time the page says that there is no connection; milliseconds. */
 const LATE = 1500;
+/** The pause of a page that had to make room for others; milliseconds. */
+const EVICTED_PAUSE = 10000;
 /** After this time without a message, or without an answer to a dial, the socket is closed. */
 const DEAD = 3000;
 const CHECK = 250;
@@ -17,6 +19,8 @@ const HARMLESS = ["stop", "watch", "frame_shown", "name"];
 export class Connection {
   /** Whether a STOP is not confirmed yet: then nothing else is sent, and pauses between dials are short. */
   stopping = false;
+  /** Whether the server has closed this page's connection for another page. */
+  evicted = false;
   #listeners = new Map();
   #socket = null;
   #pause = FIRST_PAUSE;
@@ -98,7 +102,7 @@ export class Connection {
       answer({ ok: false, text: "" });
     }
     this.#answers.clear();
-    this.#dialling = setTimeout(() => this.connect(), this.stopping ? FIRST_PAUSE : this.#pause);
+    this.#dialling = setTimeout(() => this.connect(), this.stopping ? FIRST_PAUSE : this.evicted ? EVICTED_PAUSE : this.#pause);
     this.#pause = Math.min(LONGEST_PAUSE, this.#pause * 2);
     this.#tell("lost");
   }
@@ -122,6 +126,12 @@ export class Connection {
       const offset = performance.now() - message.milliseconds;
       this.#offset = Math.min(this.#offset, offset);
       this.#heard = stamp(offset - this.#offset);
+    }
+    if (message.type === "hello") {
+      this.evicted = false;
+    }
+    if (message.type === "notice" && message.key === "evicted") {
+      this.evicted = true;
     }
     if (message.type === "answer") {
       this.#answers.get(message.id)?.(message);

@@ -25,6 +25,7 @@ const TEXTS = {
   released: ["Disconnected, free for others", "Getrennt, frei für andere", "Scollegato, libero per altri"],
   lost: ["Connection lost, reconnecting", "Verbindung verloren, verbinde neu", "Collegamento perso, riprovo"],
   server_lost: ["The program does not answer. Is it still running?", "Das Programm antwortet nicht. Läuft es noch?", "Il programma non risponde. È ancora in funzione?"],
+  evicted: ["Too many pages are open: this one made room for another. It tries again.", "Zu viele Seiten sind offen: diese hat einer anderen Platz gemacht. Sie versucht es wieder.", "Troppe pagine aperte: questa ha lasciato il posto a un'altra. Riprova."],
   no_connection: ["No connection for {seconds} s", "Keine Verbindung seit {seconds} s", "Nessun collegamento da {seconds} s"],
   offline: ["Not connected", "Nicht verbunden", "Non collegato"],
   free: ["Free to move", "Fahrbereit", "Libero di muoversi"],
