@@ -23,6 +23,9 @@ use crate::wire::{Accepted, Command, Login, Power, Report};
 /// The most reports that [`Session::early`] holds; further ones are dropped.
 pub const MAX_EARLY_REPORTS: usize = 32;
 
+/// How long the last words may take to be confirmed when a login has failed.
+const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
+
 /// The longest wait for a TCP connection while a stop is owed: the system repeats a lost request
 /// only after a second.
 const HURRIED_CONNECT: Duration = Duration::from_secs(1);
@@ -144,7 +147,7 @@ async fn log_in(
             // The robot has accepted the login, so it may be driving.
             if answers.accepted.is_some() {
                 writer.send_last_words();
-                hang_up(reader, writer).await;
+                close_gracefully(reader, writer, DELIVERY_TIMEOUT).await;
                 supervision.withdraw();
             }
             Err(error)
