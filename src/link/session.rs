@@ -35,7 +35,8 @@ const HURRIED_ANSWER: Duration = Duration::from_millis(1500);
 /// How long a connection from a former link's port may take; less than the system's first repetition.
 const RESET_TIME: Duration = Duration::from_millis(300);
 
-/// How long discovery may take to name the connected user.
+/// How long discovery may take to name the connected user while a stop is owed, and else.
+const HURRIED_WHO: Duration = Duration::from_millis(200);
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// A robot that has accepted the login, has sent its battery level, and whose tracks were told to
@@ -94,9 +95,15 @@ pub async fn connect(
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
     match log_in(reader, writer, peer, login, &supervision, limit).await {
-        Err(LinkError::InUse { .. }) if !supervision.hurried => Err(LinkError::InUse {
-            by: discover::connected_user(peer, WHO_TIMEOUT).await,
-        }),
+        Err(LinkError::InUse { .. }) => {
+            let limit = if supervision.hurried {
+                HURRIED_WHO
+            } else {
+                WHO_TIMEOUT
+            };
+            let by = discover::connected_user(peer, limit).await;
+            Err(LinkError::InUse { by })
+        }
         result => result,
     }
 }

@@ -163,8 +163,9 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     kept(&rig, false).await;
 }
 
-/// Presses STOP in one of the ways, and returns as soon as it is answered.
-async fn press(way: usize, rig: &Rig, page: &str, broker: Option<&(Broker, Subscriber)>) {
+/// Presses STOP in one of the ways, and returns as soon as it is answered. At the broker, waits for
+/// the service to say after the given message that it is there.
+async fn press(way: usize, rig: &Rig, page: &str, broker: Option<(&Subscriber, usize)>) {
     match (way % 4, broker) {
         (0, _) => {
             let mut page = Page::open(page, "").await.unwrap();
@@ -176,12 +177,12 @@ async fn press(way: usize, rig: &Rig, page: &str, broker: Option<&(Broker, Subsc
             let text = succeed(rig, &["robot", "stop"]).await;
             assert_contains(&text, &["stopped: ", "the service goes on"]);
         }
-        (2, Some((_, subscriber))) => {
-            let from = subscriber.len();
+        (2, Some((subscriber, before))) => {
             let topic = |what: &str| format!("spykee/SPYKEE0001/{what}");
             subscriber
-                .wait_for_text(0, &topic("connection"), "ONLINE")
+                .wait_for_text(before, &topic("connection"), "ONLINE")
                 .await;
+            let from = subscriber.len();
             subscriber.publish(&topic("command"), "stop", false).await;
             subscriber.wait_for(from, &topic("answer"), |_| true).await;
         }
@@ -220,10 +221,13 @@ async fn an_answered_stop_holds_in_the_next_program_even_if_this_one_is_killed_a
             "--robot",
             &rig.address,
         ];
+        let subscriber = broker
+            .as_ref()
+            .map(|(_, subscriber)| (subscriber, subscriber.len()));
         let mut run = rig.spykee(&args);
         let page = address(&run).await;
         run.says("connected").await;
-        press(round, &rig, &page, broker.as_ref()).await;
+        press(round, &rig, &page, subscriber).await;
         sleep(Duration::from_millis(rand::random_range(0..50))).await;
         run.signal(Signal::KILL);
         run.status().await;
