@@ -22,6 +22,7 @@ use crate::http::{Refusal, Visitor};
 
 /// Maximum length of a JSON body, in bytes.
 const MAX_BODY: usize = 16 * 1024;
+const NO_SUCH_REQUEST: &str = "there is no such request: /api/openapi.json lists them";
 
 /// The routes of a run's requests. Who sends one must be known (see [`Visitor`]).
 pub fn routes(run: Run) -> Router {
@@ -42,7 +43,7 @@ async fn handle(
 ) -> Result<Response, Refusal> {
     let path = http_request.uri().path();
     let route = Route::find(path.strip_prefix("/api/").unwrap_or_default())
-        .ok_or_else(|| Refusal::new(StatusCode::NOT_FOUND, "see /api/openapi.json"))?;
+        .ok_or_else(|| Refusal::new(StatusCode::NOT_FOUND, NO_SUCH_REQUEST))?;
     if http_request.method() != route.method() {
         let why = format!("send it with {}", route.method());
         return Err(Refusal::new(StatusCode::METHOD_NOT_ALLOWED, why));

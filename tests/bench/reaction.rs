@@ -195,6 +195,11 @@ impl Drop for Guard {
     }
 }
 
+const LEVEL: Power = Power {
+    percent: 90,
+    charging: false,
+};
+
 /// The robot's side of one connection.
 struct Session {
     stream: TcpStream,
@@ -227,10 +232,7 @@ impl Session {
             tail: bytes::Bytes::new(),
         };
         session.send(&Report::Accepted(accepted));
-        session.send(&Report::Power(Power {
-            percent: 90,
-            charging: false,
-        }));
+        session.send(&Report::Power(LEVEL));
         session
     }
 
@@ -262,6 +264,8 @@ impl Session {
                         stream: Stream::Video,
                         on,
                     } => self.video = on,
+                    // A robot that executes at once; one that does not answer is sent less.
+                    wire::Command::PowerQuery => self.send(&Report::Power(LEVEL)),
                     _ => {}
                 }
             }

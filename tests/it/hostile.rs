@@ -205,7 +205,8 @@ impl Round {
         let last_motion = heard.iter().rposition(|heard| moves(&heard.command));
         let drove_until = match stopped_before {
             true => last_motion.unwrap_or(0),
-            false => mark - from,
+            // A stop overtakes the mark, which waits for its pace.
+            false => last_motion.map_or(0, |last| last.min(mark - from)),
         };
         let stop = heard[drove_until..]
             .iter()
