@@ -48,6 +48,11 @@ posts: [ { at: [6.5, 4.6], colour: yellow } ]
 start: { at: [3.4, 4], heading_degrees: 0 }
 ";
 
+const POWER: Report = Report::Power(Power {
+    percent: 90,
+    charging: false,
+});
+
 /// Repeatedly computes for about half of the CPU budget, then waits for a moment.
 const BURNER: &str =
     "while true do local x = 0 for i = 1, 3e6 do x += i % 7 end task.wait(0.005) end";
@@ -227,10 +232,7 @@ impl Session {
             tail: bytes::Bytes::new(),
         };
         session.send(&Report::Accepted(accepted));
-        session.send(&Report::Power(Power {
-            percent: 90,
-            charging: false,
-        }));
+        session.send(&POWER);
         session
     }
 
@@ -262,6 +264,8 @@ impl Session {
                         stream: Stream::Video,
                         on,
                     } => self.video = on,
+                    // A robot that answers no question is sent five commands a second.
+                    wire::Command::PowerQuery => self.send(&POWER),
                     _ => {}
                 }
             }
