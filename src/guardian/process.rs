@@ -3,6 +3,7 @@
 use std::ffi::OsString;
 use std::fs::DirEntry;
 use std::io;
+use std::net::SocketAddr;
 use std::os::fd::{OwnedFd, RawFd};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -112,6 +113,8 @@ struct GuardianProcess {
     dead_man: DeadMan,
     /// The link that the agent has given.
     link: Option<RobotLink>,
+    /// The address of our end of that link, or of the last one.
+    former: Option<SocketAddr>,
     route: Option<Route>,
     /// A stop is owed.
     owed: bool,
@@ -139,6 +142,7 @@ impl GuardianProcess {
         GuardianProcess {
             dead_man: DeadMan::default(),
             link: None,
+            former: None,
             route: None,
             owed: false,
             agent_gone: false,
@@ -256,7 +260,9 @@ impl GuardianProcess {
             _ => {}
         }
         if let Some(socket) = socket {
-            self.link = Some(RobotLink::new(socket));
+            let link = RobotLink::new(socket);
+            self.former = link.local();
+            self.link = Some(link);
         }
         self.dead_man.handle(message, Instant::now());
     }
@@ -526,7 +532,12 @@ impl GuardianProcess {
                 "the agent {who} and the robot may be driving: dialling {address}"
             ));
         }
-        match DialledLink::begin(address) {
+        let former = if self.link.is_none() {
+            self.former
+        } else {
+            None
+        };
+        match DialledLink::begin(address, former) {
             Ok(dialled) => pursuit.dialled = Some(dialled),
             Err(_) => pursuit.debt.handle(DebtEvent::DialFailed, Instant::now()),
         }

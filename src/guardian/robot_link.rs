@@ -54,6 +54,12 @@ pub(super) struct RobotLink {
 }
 
 impl RobotLink {
+    /// The address of this end.
+    pub(super) fn local(&self) -> Option<SocketAddr> {
+        let local = SockRef::from(&self.stream.socket).local_addr();
+        local.ok()?.as_socket()
+    }
+
     pub(super) fn new(socket: OwnedFd) -> RobotLink {
         RobotLink {
             stream: Stream::new(socket),
@@ -179,8 +185,21 @@ pub(super) struct DialledNews {
 }
 
 impl DialledLink {
-    /// Begins to connect.
-    pub(super) fn begin(address: SocketAddr) -> io::Result<DialledLink> {
+    /// Begins to connect, from the port of a former link if that is free: a robot that believes in
+    /// that link, and refuses others, then learns at once that it is gone.
+    pub(super) fn begin(
+        address: SocketAddr,
+        former: Option<SocketAddr>,
+    ) -> io::Result<DialledLink> {
+        if former.is_some()
+            && let Ok(dialled) = DialledLink::begin_from(address, former)
+        {
+            return Ok(dialled);
+        }
+        DialledLink::begin_from(address, None)
+    }
+
+    fn begin_from(address: SocketAddr, local: Option<SocketAddr>) -> io::Result<DialledLink> {
         let socket = Socket::new(
             Domain::for_address(address),
             Type::STREAM,
@@ -193,6 +212,10 @@ impl DialledLink {
             .with_interval(PROBE_INTERVAL);
         socket.set_tcp_keepalive(&keepalive)?;
         socket.set_tcp_user_timeout(Some(DEAD_AFTER))?;
+        if let Some(local) = local {
+            socket.set_reuse_address(true)?;
+            socket.bind(&local.into())?;
+        }
         match socket.connect(&address.into()) {
             Ok(()) => {}
             Err(error) if error.raw_os_error() == Some(libc::EINPROGRESS) => {}

@@ -373,7 +373,7 @@ async fn stop_and_kill(run: &Run, after: Duration) -> Result<(), String> {
     let answer = answered.map_err(|error| error.to_string())?;
     sleep(after).await;
     run.signal(Signal::KILL);
-    match answer.contains("\"kept\":true") {
+    match answer.contains("\"kept\":\"yes\"") {
         true => Ok(()),
         false => Err(format!("STOP is not answered as kept: {answer}")),
     }
