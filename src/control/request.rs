@@ -19,7 +19,7 @@ pub const MAX_SPEECH: usize = 30 * 32_000;
 pub(super) const TAG: &str = "do";
 
 /// One request. Over HTTP, it is `/api/NAME` with its other fields in a JSON object, or of a GET in
-/// the query; [`ROUTES`] lists the names.
+/// the query.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "Request")]
