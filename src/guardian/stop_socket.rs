@@ -1,8 +1,10 @@
 //! The guardian's socket for a person's STOP, for an agent that hangs. One datagram asks, one
 //! answers: no client can keep another one waiting.
 
+use std::fs::Permissions;
 use std::io;
 use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd, OwnedFd};
+use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -105,10 +107,9 @@ impl StopSocket {
     pub(super) fn bind(path: PathBuf) -> io::Result<StopSocket> {
         let place = Place::of(&path)?;
         place.remove();
-        let before = rustix::process::umask(Mode::from_raw_mode(0o777 & !PRIVATE));
-        let bound = UnixDatagram::bind(place.address());
-        rustix::process::umask(before);
-        let socket = bound?;
+        let socket = UnixDatagram::bind(place.address())?;
+        // Until then its folder keeps others out.
+        std::fs::set_permissions(place.address(), Permissions::from_mode(PRIVATE))?;
         socket.set_nonblocking(true)?;
         // The folder is not kept open: the guardian may outlive the run.
         Ok(StopSocket { socket, path })
@@ -150,8 +151,6 @@ impl Drop for StopSocket {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::PermissionsExt as _;
-
     use super::*;
 
     #[test]
