@@ -34,7 +34,7 @@ use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
     RobotInfo, StopConfirmation, Streams,
 };
-use crate::safety::{Fact, LastWords, Limits, Watchdog};
+use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
@@ -284,8 +284,20 @@ impl Pilot {
         if let Err(lost) = served.and_then(|()| self.check_execution()) {
             self.handle_link_lost(&lost, connection);
         }
+        self.note_setpoint_queued();
         self.tell_motion();
         self.publish();
+    }
+
+    /// The time of a timed setpoint begins when it is written.
+    fn note_setpoint_queued(&mut self) {
+        let writer = self.writer.as_ref();
+        let queued = writer.is_some_and(Writer::is_new_setpoint_waiting);
+        let changed = self.watchdog.note_setpoint_queued(queued, Instant::now());
+        if let Some(WaitingMotion { by, motion, waits }) = changed {
+            let event = Event::MotionWaiting { motion, on: waits };
+            self.sessions.tell(by, event);
+        }
     }
 
     fn next_deadline(&mut self) -> Option<Instant> {
@@ -356,6 +368,7 @@ impl Pilot {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
+        self.note_setpoint_queued();
         let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;

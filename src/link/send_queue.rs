@@ -96,6 +96,8 @@ pub(super) struct SendQueue {
     /// Since when none of the offered bytes were accepted.
     stalled: Option<Instant>,
     pace: Pace,
+    /// The last MOVE written.
+    last_move: Bytes,
     /// A setpoint that moves the robot was written.
     drove: bool,
 }
@@ -309,6 +311,9 @@ impl SendQueue {
         {
             self.pace.wrote(message.kind == CommandKind::Question, now);
             self.drove |= message.kind == CommandKind::Move;
+            if matches!(message.kind, CommandKind::Move | CommandKind::Stop) {
+                self.last_move = message.bytes.clone();
+            }
             let out = left.min(message.bytes.len());
             drop(message.bytes.split_to(out));
             left -= out;
@@ -328,6 +333,13 @@ impl SendQueue {
 
     pub(super) fn is_empty(&self) -> bool {
         self.urgent() == 0 && self.paced.is_empty() && self.speech.is_empty()
+    }
+
+    /// Whether a MOVE waits whose setpoint is not that of the last MOVE written.
+    pub(super) fn is_new_setpoint_waiting(&self) -> bool {
+        self.paced
+            .iter()
+            .any(|message| message.kind == CommandKind::Move && message.bytes != self.last_move)
     }
 
     /// Whether no command is queued that goes at once, and no message partly written.

@@ -181,6 +181,11 @@ impl Writer {
         }
     }
 
+    /// Whether a setpoint waits until the robot's queue has room for it.
+    pub fn is_new_setpoint_waiting(&self) -> bool {
+        self.queue.is_new_setpoint_waiting()
+    }
+
     /// Whether the robot's program has executed everything that was sent before the last
     /// [`Writer::ask`].
     pub fn is_executed(&mut self) -> bool {

@@ -17,7 +17,7 @@ use super::docking::{ActiveDocking, Caller};
 use super::{
     Act, AfterFailure, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction, DockLimits,
     DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep, HostLife,
-    LastWords, Leases, Limits, LowCause, Rescue, Retry, Tracks, capped,
+    LastWords, Leases, Limits, LowCause, Rescue, Retry, Tracks, WaitingMotion, capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
@@ -187,6 +187,14 @@ impl Watchdog {
         self.sound_alarm(now);
         self.drive(now);
         std::mem::take(&mut self.acts)
+    }
+
+    /// Notes whether a MOVE with a new setpoint waits until the robot's queue has room for it; it may
+    /// also wait here. Returns the timed setpoint that has begun to wait, or has begun after it
+    /// waited.
+    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<WaitingMotion> {
+        let waits = queued || self.arbiter.setpoint() != self.tracks.last_sent();
+        self.arbiter.set_waiting(waits, now)
     }
 
     /// When [`Watchdog::poll`] has something to do, seen from its last call. A time in the past

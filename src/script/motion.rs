@@ -21,6 +21,8 @@ struct Current {
     owner: Owner,
     setpoint: Setpoint,
     timed: bool,
+    /// It waits until the robot's queue has room for it.
+    waits: bool,
     since: Instant,
 }
 
@@ -45,6 +47,7 @@ impl Motion {
             owner,
             setpoint,
             timed,
+            waits: false,
             since: now,
         });
         motion
@@ -71,6 +74,16 @@ impl Motion {
         self.current.take().map(|current| current.motion)
     }
 
+    /// Records that a motion waits for the robot's queue, or that it has begun.
+    pub(super) fn set_waiting(&mut self, motion: MotionId, waits: bool, now: Instant) {
+        if let Some(current) = &mut self.current
+            && current.motion == motion
+        {
+            current.waits = waits;
+            current.since = now;
+        }
+    }
+
     /// Records that the robot side has ended a motion.
     pub(super) fn ended(&mut self, motion: MotionId) {
         if self.current() == Some(motion) {
@@ -82,18 +95,26 @@ impl Motion {
         self.current.map(|current| current.motion)
     }
 
-    pub(super) fn setpoint(&self) -> Option<Setpoint> {
-        self.current.map(|current| current.setpoint)
+    /// The setpoint of the current motion, unless it waits for the robot's queue.
+    pub(super) fn begun(&self) -> Option<Setpoint> {
+        let current = self.current.filter(|current| !current.waits)?;
+        Some(current.setpoint)
     }
 
     /// The current motion if it has a time limit, and since when it is active.
     pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
-        let current = self.current.filter(|current| current.timed)?;
+        let current = self
+            .current
+            .filter(|current| current.timed && !current.waits)?;
         Some((current.motion, current.setpoint, current.since))
     }
 
+    /// Whether the current motion waits for the robot's queue.
+    pub(super) fn waits(&self) -> bool {
+        self.current.is_some_and(|current| current.waits)
+    }
+
     pub(super) fn is_on(&self) -> bool {
-        self.current
-            .is_some_and(|current| !current.setpoint.is_stop())
+        self.begun().is_some_and(|setpoint| !setpoint.is_stop())
     }
 }

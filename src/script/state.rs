@@ -185,7 +185,8 @@ impl State {
 
     /// The source of the robot's motion, as far as the script knows.
     fn driver(&self) -> Driver {
-        match self.motion.setpoint() {
+        match self.motion.begun() {
+            _ if self.motion.waits() => Driver::None,
             Some(setpoint) if !setpoint.is_stop() => {
                 Driver::Script(self.options.calibration.drive(setpoint))
             }
@@ -345,6 +346,9 @@ impl State {
             self.last_sounded = Some(self.now);
         }
         match event {
+            Event::MotionWaiting { motion, on } => {
+                self.motion.set_waiting(motion, on, self.now);
+            }
             Event::MotionEnded { motion, end } => {
                 self.motion.ended(motion);
                 self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
