@@ -130,13 +130,18 @@ fn config(rig: &Rig, targets: &str, rest: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     let rig = Rig::quiet().await;
-    for (what, reaction) in REACTIONS {
+    let mut tests = Vec::new();
+    for (number, (what, reaction)) in REACTIONS.iter().enumerate() {
         let address = serve(*reaction);
         let target = format!(
             "hook: {{ url: '{address}?{{token}}', token_file: token, headers: {{ X-Token: '{{token}}' }} }}"
         );
-        rig.file("hook.yaml", &config(&rig, &target, ""));
-        let mut test = rig.spykee(&["config", "test-notify", "--config", "hook.yaml"]);
+        let file = format!("hook{number}.yaml");
+        rig.file(&file, &config(&rig, &target, ""));
+        let test = rig.spykee(&["config", "test-notify", "--config", &file]);
+        tests.push((what, test));
+    }
+    for (what, mut test) in tests {
         let code = test.code().await;
         let text = test.text();
         assert_eq!(code, Some(4), "it {what}: {text}");
