@@ -1,5 +1,7 @@
 //! The script's current setpoint, as far as the script knows, and its owner.
 
+use std::time::Duration;
+
 use tokio::time::Instant;
 
 use super::task::{SubscriptionId, TaskId};
@@ -15,12 +17,21 @@ pub(super) enum Owner {
     Lines,
 }
 
+/// How a setpoint ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Timing {
+    /// By another call.
+    Open,
+    /// After a time; then the tracks run on for a while.
+    Timed { runs_on: Duration },
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Current {
     motion: MotionId,
     owner: Owner,
     setpoint: Setpoint,
-    timed: bool,
+    timing: Timing,
     /// It waits until the robot's queue has room for it.
     waits: bool,
     since: Instant,
@@ -37,7 +48,7 @@ impl Motion {
         &mut self,
         owner: Owner,
         setpoint: Setpoint,
-        timed: bool,
+        timing: Timing,
         now: Instant,
     ) -> MotionId {
         self.last += 1;
@@ -46,7 +57,7 @@ impl Motion {
             motion,
             owner,
             setpoint,
-            timed,
+            timing,
             waits: false,
             since: now,
         });
@@ -57,7 +68,7 @@ impl Motion {
     /// owner.
     pub(super) fn is_set(&self, owner: Owner, setpoint: Setpoint) -> bool {
         self.current.is_some_and(|current| {
-            current.owner == owner && current.setpoint == setpoint && !current.timed
+            current.owner == owner && current.setpoint == setpoint && current.timing == Timing::Open
         })
     }
 
@@ -84,10 +95,14 @@ impl Motion {
         }
     }
 
-    /// Records that the robot side has ended a motion.
-    pub(super) fn ended(&mut self, motion: MotionId) {
-        if self.current() == Some(motion) {
-            self.current = None;
+    /// Records that the robot side has ended a motion. Returns how long the tracks run on.
+    pub(super) fn ended(&mut self, motion: MotionId) -> Duration {
+        match self.current.take_if(|current| current.motion == motion) {
+            Some(Current {
+                timing: Timing::Timed { runs_on },
+                ..
+            }) => runs_on,
+            _ => Duration::ZERO,
         }
     }
 
@@ -105,7 +120,7 @@ impl Motion {
     pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
         let current = self
             .current
-            .filter(|current| current.timed && !current.waits)?;
+            .filter(|current| current.timing != Timing::Open && !current.waits)?;
         Some((current.motion, current.setpoint, current.since))
     }
 

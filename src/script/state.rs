@@ -350,8 +350,12 @@ impl State {
                 self.motion.set_waiting(motion, on, self.now);
             }
             Event::MotionEnded { motion, end } => {
-                self.motion.ended(motion);
-                self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
+                let runs_on = self.motion.ended(motion);
+                if end == MotionEnd::Done && !runs_on.is_zero() {
+                    self.await_standing(motion, self.now + runs_on);
+                } else {
+                    self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
+                }
             }
             Event::DockEnded {
                 call,
@@ -438,6 +442,13 @@ impl State {
     }
 
     /// Wakes the tasks that wait for exactly this.
+    /// Answers the tasks that wait for this motion when the tracks stand.
+    fn await_standing(&mut self, motion: MotionId, until: Instant) {
+        for id in self.tasks.waiting_for(|wait| *wait == Wait::Motion(motion)) {
+            self.tasks.wait(id, Wait::Standing, Some(until));
+        }
+    }
+
     pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);
@@ -538,6 +549,7 @@ impl State {
                 Wakeup::Refused("timeout")
             }
             Wait::Module(_) => Wakeup::Again,
+            Wait::Standing => Wakeup::Motion(MotionEnd::Done),
             Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
                 Wakeup::Refused("timeout")
             }

@@ -211,6 +211,25 @@ fn driven_in_short_moves(commands_per_second: Option<f64>) -> Driven {
     .unwrap()
 }
 
+#[test]
+fn a_square_with_and_without_pauses_closes() {
+    for pause in ["", "task.wait(1)"] {
+        let (options, _) = options(4);
+        let drives = format!(
+            "for _ = 1, 4 do robot.forward(0.5) {pause} robot.turn(math.pi / 2) {pause} end"
+        );
+        let pose = simulation::run(quiet_world(), options, async |simulation: &Simulation| {
+            let run = simulation.start(vec![behaviour("drives", &drives, 0, 4)], None);
+            run.outcome().await.unwrap();
+            simulation.sim().state().pose
+        })
+        .unwrap();
+        let off = (pose.x - 4.0).hypot(pose.y - 4.0);
+        let turned = (pose.heading.to_degrees() - 90.0).abs();
+        assert!(off < 0.1 && turned < 5.0, "{pose:?} with '{pause}'");
+    }
+}
+
 struct Driven {
     metres: f64,
     moves: usize,
