@@ -1,7 +1,7 @@
 //! The way home of a robot with a low battery, from the first search until the battery is good
 //! again. A failed search is followed by
 //!
-//! - a grant: a behaviour that can see drives the robot elsewhere for a few seconds
+//! - a grant: a behaviour that can see drives the robot elsewhere for as long as the search took
 //!   ([`DriveGrant`]);
 //! - or a short blind [`BlindMove`] of the watchdog's own, where nothing can be granted or the
 //!   grant was not used;
@@ -89,6 +89,9 @@ impl Homing {
     /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
 
+    /// The longest grant: a search that takes longer has reached another place by itself.
+    const LONGEST_GRANT: Duration = Duration::from_secs(30);
+
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
     /// The battery has become low; the first search is due.
@@ -149,7 +152,7 @@ impl Homing {
             self.wait(Duration::ZERO, now);
             AfterFailure::Search
         } else if let Some(by) = rescuer {
-            self.phase = HomingPhase::Granted(DriveGrant::start(by, self.grant_time, now));
+            self.phase = HomingPhase::Granted(DriveGrant::start(by, self.grant_time(now), now));
             AfterFailure::DriveGrant(by)
         } else if self.blind && may_drive {
             AfterFailure::BlindMove(self.drive(now))
@@ -157,6 +160,14 @@ impl Homing {
             self.wait(self.pause, now);
             AfterFailure::Pause(self.pause)
         }
+    }
+
+    /// As long as the failed search took: many short grants between long searches spend the battery
+    /// on searches from places close to each other.
+    fn grant_time(&self, now: Instant) -> Duration {
+        let began = self.searched.unwrap_or(now);
+        let took = now.saturating_duration_since(began);
+        took.min(Homing::LONGEST_GRANT).max(self.grant_time)
     }
 
     /// Ends a grant or a blind move; the search from here comes next.
@@ -356,10 +367,23 @@ mod tests {
         assert_eq!(next, AfterFailure::DriveGrant(WHO));
         assert_eq!(homing.grantee(), Some(WHO));
         homing.note_motion(true, now + SECOND);
-        let due = now + 8 * SECOND;
+        let due = now + Homing::LONGEST_GRANT;
         assert_eq!(homing.next_deadline(now), Some(due));
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.grantee(), None);
+    }
+
+    #[test]
+    fn a_grant_is_as_long_as_the_search_before_it_within_bounds() {
+        for (search, grant) in [(3, 8), (20, 20), (60, 30)] {
+            let now = Instant::now();
+            let mut homing = Homing::new(&Limits::default(), now);
+            assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
+            let failed = now + search * SECOND;
+            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, failed);
+            homing.note_motion(true, failed);
+            assert_eq!(homing.next_deadline(failed), Some(failed + grant * SECOND));
+        }
     }
 
     #[test]

@@ -15,8 +15,6 @@ mod doctor;
 mod fast;
 mod faults;
 mod firmware;
-#[path = "../worlds/mod.rs"]
-mod flats;
 mod frames;
 mod genuine;
 mod guardian;
