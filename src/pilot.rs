@@ -289,11 +289,12 @@ impl Pilot {
         self.publish();
     }
 
-    /// The time of a timed setpoint begins when it is written.
+    /// The time of a timed setpoint begins when the robot begins to execute it.
     fn note_setpoint_queued(&mut self) {
+        let now = Instant::now();
         let writer = self.writer.as_ref();
-        let queued = writer.is_some_and(Writer::is_new_setpoint_waiting);
-        let changed = self.watchdog.note_setpoint_queued(queued, Instant::now());
+        let queued = writer.is_some_and(|writer| writer.is_new_setpoint_waiting(now));
+        let changed = self.watchdog.note_setpoint_queued(queued, now);
         if let Some(WaitingMotion { by, motion, waits }) = changed {
             let event = Event::MotionWaiting { motion, on: waits };
             self.sessions.tell(by, event);
@@ -301,12 +302,15 @@ impl Pilot {
     }
 
     fn next_deadline(&mut self) -> Option<Instant> {
-        let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
+        let writer = self.writer.as_ref();
+        let silence = writer.map(|_| self.silence.next_deadline());
+        let move_begins = writer.and_then(|writer| writer.move_begins(Instant::now()));
         let beat = self.heartbeat.as_ref().map(Heartbeat::due);
         let deadlines = [
             self.watchdog.next_deadline(),
             self.streams_due,
             silence,
+            move_begins,
             self.execution_deadline(),
             beat,
         ];

@@ -98,6 +98,8 @@ pub(super) struct SendQueue {
     pace: Pace,
     /// The last MOVE written.
     last_move: Bytes,
+    /// When the robot begins to execute it.
+    move_begins: Option<Instant>,
     /// A setpoint that moves the robot was written.
     drove: bool,
 }
@@ -309,11 +311,14 @@ impl SendQueue {
         while left > 0
             && let Some(mut message) = self.pop_command()
         {
+            if matches!(message.kind, CommandKind::Move | CommandKind::Stop)
+                && message.bytes != self.last_move
+            {
+                self.last_move = message.bytes.clone();
+                self.move_begins = Some(self.pace.next_execution(now));
+            }
             self.pace.wrote(message.kind == CommandKind::Question, now);
             self.drove |= message.kind == CommandKind::Move;
-            if matches!(message.kind, CommandKind::Move | CommandKind::Stop) {
-                self.last_move = message.bytes.clone();
-            }
             let out = left.min(message.bytes.len());
             drop(message.bytes.split_to(out));
             left -= out;
@@ -335,11 +340,17 @@ impl SendQueue {
         self.urgent() == 0 && self.paced.is_empty() && self.speech.is_empty()
     }
 
-    /// Whether a MOVE waits whose setpoint is not that of the last MOVE written.
-    pub(super) fn is_new_setpoint_waiting(&self) -> bool {
-        self.paced
-            .iter()
-            .any(|message| message.kind == CommandKind::Move && message.bytes != self.last_move)
+    /// Whether a new setpoint waits here or in the robot's queue.
+    pub(super) fn is_new_setpoint_waiting(&self, now: Instant) -> bool {
+        let is_new = |message: &Message| {
+            message.kind == CommandKind::Move && message.bytes != self.last_move
+        };
+        self.paced.iter().any(is_new) || self.move_begins(now).is_some()
+    }
+
+    /// When the robot begins to execute the last setpoint, unless it has begun.
+    pub(super) fn move_begins(&self, now: Instant) -> Option<Instant> {
+        self.move_begins.filter(|begins| *begins > now)
     }
 
     /// Whether no command is queued that goes at once, and no message partly written.

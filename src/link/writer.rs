@@ -181,9 +181,14 @@ impl Writer {
         }
     }
 
-    /// Whether a setpoint waits until the robot's queue has room for it.
-    pub fn is_new_setpoint_waiting(&self) -> bool {
-        self.queue.is_new_setpoint_waiting()
+    /// Whether a new setpoint waits, here or in the robot's queue.
+    pub fn is_new_setpoint_waiting(&self, now: Instant) -> bool {
+        self.queue.is_new_setpoint_waiting(now)
+    }
+
+    /// When the robot begins to execute the last setpoint, unless it has begun.
+    pub fn move_begins(&self, now: Instant) -> Option<Instant> {
+        self.queue.move_begins(now)
     }
 
     /// Whether the robot's program has executed everything that was sent before the last

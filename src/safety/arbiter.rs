@@ -3,8 +3,8 @@
 //!
 //! Each request is a claim on the tracks. A timed claim that cannot have them ends as `preempted`
 //! at once. An untimed claim stands by and takes over the tracks, without a gap, when it comes
-//! first. A held claim keeps its place, but moves nothing. The time of a timed claim begins when its
-//! MOVE is written: until then a slow robot's queue has no room for it.
+//! first. A held claim keeps its place, but moves nothing. The time of a timed claim begins when
+//! the robot executes its MOVE, which may wait for a slow robot's queue.
 
 use std::time::Duration;
 
@@ -36,9 +36,8 @@ pub struct WaitingMotion {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Start {
-    /// Not known yet whether its MOVE is written.
+    /// Not known yet whether its MOVE waits.
     New,
-    /// Its MOVE waits to be written.
     Waits,
     Begun,
 }
@@ -135,7 +134,7 @@ impl Arbiter {
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
-    /// Notes whether a MOVE with a new setpoint waits to be written. Returns the timed setpoint that
+    /// Notes whether a MOVE with a new setpoint waits. Returns the timed setpoint that
     /// has begun to wait, or has begun after it waited.
     pub fn set_waiting(&mut self, waits: bool, now: Instant) -> Option<WaitingMotion> {
         let claim = self.claims.first_mut()?;
@@ -336,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn the_time_of_a_timed_move_begins_when_its_move_is_written() {
+    fn the_time_of_a_timed_move_begins_when_its_move_no_longer_waits() {
         let mut arbiter = Arbiter::default();
         let now = Instant::now();
         let (by, priority) = PATROL;

@@ -39,8 +39,13 @@ pub enum HomingStep {
 pub enum AfterFailure {
     /// The next search.
     Search,
-    /// A grant of the tracks to this behaviour.
-    DriveGrant(BehaviourId),
+    /// A grant of the tracks.
+    DriveGrant {
+        /// The grantee.
+        by: BehaviourId,
+        /// How long it may drive.
+        time: Duration,
+    },
     /// A blind move, with its number counted from 1.
     BlindMove(u32),
     /// The robot stands still for this long.
@@ -90,7 +95,7 @@ impl Homing {
     pub const MOMENT: Duration = Duration::from_secs(1);
 
     /// The longest grant: a search that takes longer has reached another place by itself.
-    const LONGEST_GRANT: Duration = Duration::from_secs(30);
+    pub const LONGEST_GRANT: Duration = Duration::from_secs(30);
 
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
@@ -152,8 +157,9 @@ impl Homing {
             self.wait(Duration::ZERO, now);
             AfterFailure::Search
         } else if let Some(by) = rescuer {
-            self.phase = HomingPhase::Granted(DriveGrant::start(by, self.grant_time(now), now));
-            AfterFailure::DriveGrant(by)
+            let time = self.grant_time(now);
+            self.phase = HomingPhase::Granted(DriveGrant::start(by, time, now));
+            AfterFailure::DriveGrant { by, time }
         } else if self.blind && may_drive {
             AfterFailure::BlindMove(self.drive(now))
         } else {
@@ -364,10 +370,11 @@ mod tests {
     fn a_rescuer_drives_before_a_blind_leg() {
         let (mut homing, now) = searching();
         let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-        assert_eq!(next, AfterFailure::DriveGrant(WHO));
+        let time = Homing::LONGEST_GRANT;
+        assert_eq!(next, AfterFailure::DriveGrant { by: WHO, time });
         assert_eq!(homing.grantee(), Some(WHO));
         homing.note_motion(true, now + SECOND);
-        let due = now + Homing::LONGEST_GRANT;
+        let due = now + time;
         assert_eq!(homing.next_deadline(now), Some(due));
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.grantee(), None);

@@ -189,8 +189,8 @@ impl Watchdog {
         std::mem::take(&mut self.acts)
     }
 
-    /// Notes whether a MOVE with a new setpoint waits until the robot's queue has room for it; it may
-    /// also wait here. Returns the timed setpoint that has begun to wait, or has begun after it
+    /// Notes whether a MOVE with a new setpoint waits for or in the robot's queue; it may also wait
+    /// here. Returns the timed setpoint that has begun to wait, or has begun after it
     /// waited.
     pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<WaitingMotion> {
         let waits = queued || self.arbiter.setpoint() != self.tracks.last_sent();
@@ -796,13 +796,14 @@ impl Watchdog {
                 format!("makes short blind move {number}, and searches from there")
             }
             AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            AfterFailure::DriveGrant(by) => {
-                let seconds = self.limits.rescue_time.get();
+            AfterFailure::DriveGrant { by, time: seconds } => {
                 let power = self.limits.rescue_power;
                 self.acts
                     .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
                 let seconds = seconds.as_secs_f64();
-                format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
+                format!(
+                    "a rescue behaviour may drive for {seconds:.0} s, then it searches from there"
+                )
             }
         }
     }

@@ -218,6 +218,10 @@ pub(super) struct WayHome {
     granted: Option<(Instant, BehaviourId)>,
 }
 
+fn longest_grant(limits: &Limits) -> Duration {
+    limits.rescue_time.get().max(Homing::LONGEST_GRANT)
+}
+
 impl WayHome {
     const LONGEST_BLIND_MOVE: Duration = BlindMove::TURN.saturating_add(BlindMove::LONGEST);
 
@@ -261,7 +265,7 @@ impl WayHome {
         );
         let began = *self.moves.get_or_insert(*now);
         let ends = match self.granted {
-            Some((since, _)) => since + limits.rescue_time.get(),
+            Some((since, _)) => since + longest_grant(limits),
             None => began + WayHome::LONGEST_BLIND_MOVE,
         };
         moment.drives_until(ends)?;
@@ -286,7 +290,7 @@ impl WayHome {
         prop_assert!(limits.rescue != Rescue::Off);
         let (since, whose) = *self.granted.get_or_insert((*now, by));
         prop_assert_eq!(whose, by);
-        moment.drives_until(since + limits.rescue_time.get())
+        moment.drives_until(since + longest_grant(limits))
     }
 }
 
@@ -300,7 +304,7 @@ impl LongestWait {
         let moment = Duration::from_secs(1);
         let pause = limits.dock_pause.get().max(moment);
         let on_contact = limits.charge_timeout.get() * 2 + DockTracker::LONGEST_LEAVING;
-        let driven = limits.rescue_time.get() + WayHome::LONGEST_BLIND_MOVE;
+        let driven = longest_grant(limits) + WayHome::LONGEST_BLIND_MOVE;
         limits.dock_timeout.get() + on_contact + pause + driven + moment
     }
 
