@@ -266,8 +266,11 @@ impl Watchdog {
     /// What is believed of the battery, without an estimate of the minutes left; `None` before the
     /// first report.
     pub fn battery(&self) -> Option<Battery> {
+        if !self.battery_monitor.has_report() {
+            return None;
+        }
         Some(Battery {
-            percent: self.battery_monitor.level()?,
+            percent: self.battery_monitor.level(),
             charging: self.battery_monitor.charging() == Charging::Confirmed,
             minutes_left: None,
         })
@@ -733,7 +736,10 @@ impl Watchdog {
             self.end_motion(MotionEnd::Safety);
         }
         if let Some(battery) = self.battery() {
-            let reason = format!("battery at {}", battery.percent);
+            let reason = match battery.percent {
+                Some(percent) => format!("battery at {percent}"),
+                None => "the battery charges, at an unknown level".to_owned(),
+            };
             self.announce(SafetyAction::Release, reason);
             self.acts.push(Act::Announce(Event::BatteryOk(battery)));
         }
@@ -983,7 +989,8 @@ impl Watchdog {
             }
             EngineReport::Undocked => self.undocked(now),
             EngineReport::BaseNotFound => self.search_ended(),
-            EngineReport::Charged | EngineReport::Unknown(_) => {}
+            EngineReport::Charged => self.battery_monitor.full(),
+            EngineReport::Unknown(_) => {}
         }
         if let Some(active) = &mut self.docking {
             let actions = active.docking.engine(news, now);
@@ -993,7 +1000,7 @@ impl Watchdog {
             self.search_at_once(now);
         }
         let change = match news {
-            EngineReport::Docked => self.battery_monitor.contact(),
+            EngineReport::Docked => self.battery_monitor.contact(now),
             _ => None,
         };
         self.apply_battery_change(change, now);
@@ -1001,7 +1008,7 @@ impl Watchdog {
 
     fn undocked(&mut self, now: Instant) {
         self.dock_tracker.undocked(now);
-        self.battery_monitor.undocked();
+        self.battery_monitor.undocked(now);
         self.battery_monitor.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);
@@ -1164,7 +1171,7 @@ impl Watchdog {
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
         let left =
             matches!(self.dock_state(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
-        let low = self.battery_monitor.low().is_some() || self.battery_monitor.at_or_below_low();
+        let low = self.battery_monitor.low().is_some() || !self.battery_monitor.may_leave();
         if !self.online {
             Some(DockEnd::Disconnected)
         } else if self.run_ending {

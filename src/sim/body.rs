@@ -81,7 +81,7 @@ impl Robot {
             chassis: Chassis::new(pose),
             contacts: Contacts::new(touching),
             battery,
-            power: PowerReports::new(firmware.power_late),
+            power: PowerReports::new(firmware.power_late, firmware.power_while_charging, seed),
             leds: Leds::default(),
             speaker: Speaker::new(firmware.music),
             streams: Streams::default(),
@@ -355,8 +355,8 @@ impl Robot {
 
     fn send_power(&mut self) {
         let power = self.power.level(self.battery.power());
-        self.power.sent(power, self.firmware.power_period);
-        self.reports.push(Report::Power(power));
+        let said = self.power.send(power, self.firmware.power_period);
+        self.reports.push(Report::Power(said));
     }
 
     fn report_engine(&mut self, report: EngineReport) {

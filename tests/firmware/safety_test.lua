@@ -79,3 +79,17 @@ scenario("leaves its station and comes back", {}, function(sim)
 	expect(sim:wait_until(function() return sim:ended("leaves") end, 200), "it ends by itself")
 	expect(sim:ended("leaves") == "done" and sim:charging())
 end)
+
+scenario("begins on its station, leaves it when it may and comes back", { world = "playpen", limit = 9000 }, function(sim)
+	sim:run("waits_and_leaves.lua")
+	expect(sim:wait_until(function() return sim:ended("waits_and_leaves") end, 8000), "it ends by itself")
+	expect(sim:ended("waits_and_leaves") == "done" and sim:charging())
+end)
+
+scenario("a low robot that begins on its station stays there", { world = "playpen", battery = 12 }, function(sim)
+	sim:run("waits_and_leaves.lua")
+	for _ = 1, 20 do
+		sim:wait(5)
+		expect(sim:charging(), "it has left")
+	end
+end)

@@ -45,6 +45,8 @@ pub struct Firmware {
     /// Delay from AUTH_REPLY to the first POWER. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_after_login: Duration,
+    /// What POWER reports while the robot charges. Default: the level.
+    pub power_while_charging: PowerWhileCharging,
     /// Age of the battery level that POWER reports. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_late: Duration,
@@ -71,6 +73,19 @@ pub enum FirmwareBehaviour {
     Obeyed,
 }
 
+/// What POWER reports while the robot charges (`PROTOCOL.md`, *POWER*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PowerWhileCharging {
+    /// The level.
+    #[default]
+    Exact,
+    /// A level that is wrong by up to 15 points; one in four is a value beyond 100, of either sign.
+    Noisy,
+    /// Only values beyond 100: in turn -110, -128 and 110.
+    OutOfRange,
+}
+
 impl Default for Firmware {
     fn default() -> Firmware {
         Firmware {
@@ -84,6 +99,7 @@ impl Default for Firmware {
             answers_power_query: true,
             power_period: Duration::from_secs(5),
             power_after_login: Duration::ZERO,
+            power_while_charging: PowerWhileCharging::Exact,
             power_late: Duration::ZERO,
             search_limit: Duration::from_secs(20),
             music: Duration::from_secs(20),
@@ -152,6 +168,7 @@ mod tests {
         }
         let text = "stops_on_disconnect: true\nstops_without_repeat: 0.5\nmove_while_searching: ignored\n\
                     move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n\
+                    power_while_charging: out_of_range\n\
                     commands_per_second: 2.5\nqueue: 16\nanswers_power_query: false\n";
         let expected = Firmware {
             stops_on_disconnect: true,
@@ -163,6 +180,7 @@ mod tests {
             queue: Some(16),
             answers_power_query: false,
             power_late: Duration::from_secs(3),
+            power_while_charging: PowerWhileCharging::OutOfRange,
             ..Firmware::default()
         };
         assert_eq!(Firmware::from_yaml(text, "f").unwrap(), expected);
@@ -190,6 +208,11 @@ mod tests {
                 "move_while_searching: obey\n",
                 "f.yaml:1:",
                 "did you mean `obeyed`?",
+            ),
+            (
+                "power_while_charging: noise\n",
+                "f.yaml:1:",
+                "did you mean `noisy`?",
             ),
             ("- 3\n", "f.yaml:1:1: ", "expected keys with values"),
         ] {
