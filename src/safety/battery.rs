@@ -95,8 +95,8 @@ impl BatteryMonitor {
     /// How long a level counts while reports without one come.
     pub const LEVEL_LIFETIME: Duration = Duration::from_secs(60);
 
-    /// How long a battery must charge to count as good although its level is not known. Stations end
-    /// charging after four hours, so an hour is at least a quarter of a charge: a robot that came
+    /// How long a battery must charge to count as good although its level is not known. Many stations
+    /// end charging after four hours (`PROTOCOL.md`, *The station*), so an hour is at least a quarter of a charge: a robot that came
     /// home at 20 % has 45 % then, and a small battery is full.
     pub const FILL_TIME: Duration = Duration::from_secs(60 * 60);
 
@@ -712,10 +712,10 @@ mod tests {
                 assert_eq!(rig.monitor.next_deadline(), first);
                 assert_eq!(rig.monitor.poll(rig.now), None);
             }
-            rig.now += 5 * SECOND;
+            let due = due.flatten().unwrap();
             let silence = LowCause::Silence(Duration::from_secs(600));
             assert_eq!(
-                rig.monitor.poll(rig.now),
+                rig.monitor.poll(due),
                 Some(BatteryChange::BecameLow(silence))
             );
         }

@@ -79,7 +79,7 @@ impl Robot {
             docking: Docking::new(firmware.search_limit),
             track_slip: TrackSlip::new(world.tracks, seed),
             chassis: Chassis::new(pose),
-            contacts: Contacts::new(touching),
+            contacts: Contacts::new(touching, firmware.charger_hours),
             battery,
             power: PowerReports::new(firmware.power_late, firmware.power_while_charging, seed),
             leds: Leds::default(),
@@ -160,6 +160,7 @@ impl Robot {
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
         self.drive(dt);
+        self.contacts.step(dt);
         self.update_contacts();
         let places = self.environment.places();
         let balls = self.environment.world.balls.len();

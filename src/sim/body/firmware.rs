@@ -50,6 +50,10 @@ pub struct Firmware {
     /// Age of the battery level that POWER reports. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_late: Duration,
+    /// Hours after which the station ends charging, counted from contact: when the robot leaves and
+    /// comes back they begin anew. Default: it never does.
+    #[serde(deserialize_with = "some_hours")]
+    pub charger_hours: Option<f64>,
     /// The robot sends BASE_NOT_FOUND after this time without the station's beacon. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub search_limit: Duration,
@@ -101,6 +105,7 @@ impl Default for Firmware {
             power_after_login: Duration::ZERO,
             power_while_charging: PowerWhileCharging::Exact,
             power_late: Duration::ZERO,
+            charger_hours: None,
             search_limit: Duration::from_secs(20),
             music: Duration::from_secs(20),
             version: "1.0.22".into(),
@@ -146,6 +151,13 @@ fn some_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Er
     Ok(Option::<Count>::deserialize(from)?.map(|Count(count)| count as usize))
 }
 
+/// Hours, or `null` for never.
+fn some_hours<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    #[derive(Deserialize)]
+    struct Hours(#[serde(deserialize_with = "number::hours")] f64);
+    Ok(Option::<Hours>::deserialize(from)?.map(|Hours(hours)| hours))
+}
+
 fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(time.as_secs_f64())
 }
@@ -168,7 +180,7 @@ mod tests {
         }
         let text = "stops_on_disconnect: true\nstops_without_repeat: 0.5\nmove_while_searching: ignored\n\
                     move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n\
-                    power_while_charging: out_of_range\n\
+                    power_while_charging: out_of_range\ncharger_hours: 4\n\
                     commands_per_second: 2.5\nqueue: 16\nanswers_power_query: false\n";
         let expected = Firmware {
             stops_on_disconnect: true,
@@ -181,6 +193,7 @@ mod tests {
             answers_power_query: false,
             power_late: Duration::from_secs(3),
             power_while_charging: PowerWhileCharging::OutOfRange,
+            charger_hours: Some(4.0),
             ..Firmware::default()
         };
         assert_eq!(Firmware::from_yaml(text, "f").unwrap(), expected);
@@ -204,6 +217,7 @@ mod tests {
             ),
             ("commands_per_second: 0\n", "f.yaml:1:22: ", "0.1 to 1000"),
             ("queue: 0\n", "f.yaml:1:8: ", "1 to 4096"),
+            ("charger_hours: 0\n", "f.yaml:1:16: ", "0.01 to 100"),
             (
                 "move_while_searching: obey\n",
                 "f.yaml:1:",

@@ -151,6 +151,7 @@ impl Known {
             (self.charging, self.charges_here, self.charges) = (false, false, 0);
             (self.touched, self.surely_touched) = (false, false);
         }
+        self.unsigned = false;
         prop_assert_eq!(self.charging, charging != Charging::No);
         let enough = self.touched || self.charges >= 2;
         prop_assert!(
