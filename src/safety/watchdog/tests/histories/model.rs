@@ -215,6 +215,7 @@ impl Known {
         if self.unconfirmed && self.charging_since.is_some_and(over) {
             (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;
+            self.contact = self.on_station.then_some(now);
         }
     }
 
