@@ -570,7 +570,7 @@ impl Pilot {
             ..
         } = accepted;
         let address = peer.to_string();
-        info!(%uid, %address, %firmware, docked, battery = power.percent, "connected");
+        info!(%uid, %address, %firmware, docked, battery = Battery::reported(power).level(), "connected");
         let info = RobotInfo {
             uid,
             name,

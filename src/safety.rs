@@ -20,6 +20,7 @@ mod drive_grant;
 mod homing;
 mod leases;
 mod limits;
+mod recharge;
 mod tracks;
 mod watchdog;
 
@@ -33,6 +34,7 @@ pub use drive_grant::{DriveGrant, capped};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use limits::{Limits, LimitsError, Rescue, UnknownRescue};
+pub use recharge::{AfterRecharge, Recharge};
 pub use tracks::Tracks;
 pub use watchdog::{DockReport, Watchdog};
 

@@ -4,6 +4,7 @@
 mod behaviours;
 mod bus;
 mod calibrate;
+mod charger;
 mod check;
 mod cli;
 mod clock;
