@@ -11,8 +11,8 @@ use crate::robot::StopConfirmation;
 use crate::wire::{Command, Engage};
 
 /// How long the robot stands before it is asked whether it has executed the stop: a behaviour that
-/// stops often may drive on at once.
-const ASK_AFTER: Duration = Duration::from_millis(100);
+/// stops often drives on sooner, and each question takes a slow robot's time.
+const ASK_AFTER: Duration = Duration::from_millis(500);
 /// How long a robot stands by itself before it is sent a stop.
 const STOP_AFTER: Duration = Duration::from_secs(1);
 /// A stop that is not confirmed for this long counts as not confirmed, until it is.
