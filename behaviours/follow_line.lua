@@ -18,7 +18,7 @@ local STRIPS = { 1.03, 1.11, 1.21, 1.32, 1.47, 1.61, 1.81, 2.02 }
 local APART, GAP = 0.08, 0.3 -- metres: least and largest distance between two points of the line
 local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the known one
 local WIDE = 24 -- pixels: for each such width the tape gives one point
-local BEGINNING = 1.45 -- a new line must begin nearer than this share of the nearest floor
+local BEGINNING = 1.1 -- a new line must begin nearer than this share of the nearest floor, or than 0.9 m
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
 -- Seconds of turning to the first side: for a lost line, and for a line that was never seen.
@@ -88,7 +88,7 @@ local function belongs(x, y)
 			return true
 		end
 	end
-	return #line == 0 and x < AHEAD + BEGINNING * near
+	return #line == 0 and x < AHEAD + math.max(0.9, BEGINNING * near)
 end
 
 local function note(frame, column, row)

@@ -163,23 +163,11 @@ fn paper_world(pose: &str, sheet: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn one_picture_of_a_sheet_of_paper_tells_where_the_camera_is() {
     let rig = Rig::quiet().await;
-    for (pose, wanted, sheet) in [
-        (
-            "{ pitch: -10, roll: -4 }",
-            [0.29, -10.0, -4.0],
-            "[2.9, 2.05]",
-        ),
-        (
-            "{ height: 0.25, pitch: 2, roll: 6 }",
-            [0.25, 2.0, 6.0],
-            "[3.4, 1.9]",
-        ),
-        (
-            "{ height: 0.31, pitch: -18 }",
-            [0.31, -18.0, 0.0],
-            "[2.8, 2]",
-        ),
-    ] {
+    for (pose, wanted, sheet) in [(
+        "{ pitch: -10, roll: -4 }",
+        [0.29, -10.0, -4.0],
+        "[2.9, 2.05]",
+    )] {
         rig.file("paper.yaml", &paper_world(pose, sheet));
         let snapshot = [
             "robot",
