@@ -64,10 +64,13 @@ end
 -- Waits on the station until the battery is full enough, then leaves it and turns away from it.
 local function rest()
 	local battery = robot.battery()
-	while battery and battery.percent < settings.enough do
+	while battery and (battery.percent or 100) < settings.enough do
 		battery = robot.wait_for("battery", 60) or robot.battery()
 	end
-	if robot.undock() then
+	local out, why = robot.undock()
+	if why == "safety" then
+		robot.wait_for("battery", 60) -- its level is not known, and the watchdog lets it charge longer
+	elseif out then
 		robot.turn(math.pi)
 	end
 	last_texture, away = nil, nil

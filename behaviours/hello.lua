@@ -13,12 +13,13 @@ robot.play("robot")
 robot.blink("all", { on = 0.2, off = 0.2, count = 3 }):join()
 
 local battery = robot.battery()
+local level = if battery.percent then `{battery.percent} %` else "an unknown level"
 if battery.charging then
-	print(`my battery is at {battery.percent} % and charging`)
+	print(`my battery is at {level} and charging`)
 else
-	print(`my battery is at {battery.percent} %`)
+	print(`my battery is at {level}`)
 end
 
 -- A laugh if the battery is above 25 %, otherwise an alarm.
-robot.play(battery.percent > 25 and "laugh" or "alarm")
+robot.play((battery.percent or 100) > 25 and "laugh" or "alarm")
 task.wait(1)

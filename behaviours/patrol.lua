@@ -19,7 +19,11 @@ local round = store.get("round", 1)
 
 local function level()
 	local battery = robot.battery()
-	return if battery then battery.percent else 0
+	return if battery then battery.percent else 0 -- nil: not known
+end
+
+local function shown_level()
+	return if level() then `{level()} %` else "an unknown level"
 end
 
 local function colours_in(frame)
@@ -85,15 +89,15 @@ local function patrol()
 end
 
 local function charge()
-	log.info(`charging, the battery is at {level()} %`)
-	while level() < settings.enough do
+	log.info(`charging, the battery is at {shown_level()}`)
+	while (level() or 100) < settings.enough do
 		robot.wait_for("battery", 30)
 	end
 end
 
 local function go_home()
 	if not robot.docked() then
-		log.info(`going home, the battery is at {level()} %`)
+		log.info(`going home, the battery is at {shown_level()}`)
 	end
 	local docked, code = robot.dock({ timeout = 120, retries = 0 })
 	if code == "base_not_found" then
@@ -108,14 +112,15 @@ local function go_home()
 	local out, why = robot.undock()
 	if not out then
 		log.warn(`could not leave the station: {why}`)
-		return task.wait(5)
+		-- If its level is not known, the watchdog knows when it has charged enough.
+		return task.wait(if level() then 5 else 300)
 	end
 	-- It has backed out and still faces its station.
 	robot.turn(math.pi)
 end
 
 while true do
-	if robot.docked() or level() <= settings.go_home then
+	if robot.docked() or (level() or 100) <= settings.go_home then
 		go_home()
 	else
 		patrol()

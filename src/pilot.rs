@@ -34,7 +34,7 @@ use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
     RobotInfo, StopConfirmation, Streams,
 };
-use crate::safety::{Fact, LastWords, Limits, Watchdog};
+use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
@@ -284,17 +284,33 @@ impl Pilot {
         if let Err(lost) = served.and_then(|()| self.check_execution()) {
             self.handle_link_lost(&lost, connection);
         }
+        self.note_setpoint_queued();
         self.tell_motion();
         self.publish();
     }
 
+    /// The time of a timed setpoint begins when the robot begins to execute it.
+    fn note_setpoint_queued(&mut self) {
+        let now = Instant::now();
+        let writer = self.writer.as_ref();
+        let queued = writer.is_some_and(|writer| writer.is_new_setpoint_waiting(now));
+        let changed = self.watchdog.note_setpoint_queued(queued, now);
+        if let Some(WaitingMotion { by, motion, waits }) = changed {
+            let event = Event::MotionWaiting { motion, on: waits };
+            self.sessions.tell(by, event);
+        }
+    }
+
     fn next_deadline(&mut self) -> Option<Instant> {
-        let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
+        let writer = self.writer.as_ref();
+        let silence = writer.map(|_| self.silence.next_deadline());
+        let move_begins = writer.and_then(|writer| writer.move_begins(Instant::now()));
         let beat = self.heartbeat.as_ref().map(Heartbeat::due);
         let deadlines = [
             self.watchdog.next_deadline(),
             self.streams_due,
             silence,
+            move_begins,
             self.execution_deadline(),
             beat,
         ];
@@ -356,6 +372,7 @@ impl Pilot {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
+        self.note_setpoint_queued();
         let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;
@@ -553,7 +570,7 @@ impl Pilot {
             ..
         } = accepted;
         let address = peer.to_string();
-        info!(%uid, %address, %firmware, docked, battery = power.percent, "connected");
+        info!(%uid, %address, %firmware, docked, battery = Battery::reported(power).level(), "connected");
         let info = RobotInfo {
             uid,
             name,

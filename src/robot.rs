@@ -96,8 +96,8 @@ impl Setpoint {
 /// The battery, as far as its reports are believed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Battery {
-    /// Level.
-    pub percent: Percent,
+    /// Level. `None` if it is not known, as may happen while it charges.
+    pub percent: Option<Percent>,
     /// On the charger.
     pub charging: bool,
     /// Minutes until it is empty, at the recent average rate. `None` until known, and while it
@@ -109,9 +109,17 @@ impl Battery {
     /// The state in a single report, with nothing learnt yet.
     pub fn reported(power: Power) -> Battery {
         Battery {
-            percent: Percent::saturating(power.percent),
+            percent: power.level().and_then(Percent::new),
             charging: power.charging,
             minutes_left: None,
+        }
+    }
+
+    /// The level, for people.
+    pub fn level(&self) -> String {
+        match self.percent {
+            Some(percent) => percent.to_string(),
+            None => "unknown level".to_owned(),
         }
     }
 

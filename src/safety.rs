@@ -20,11 +20,12 @@ mod drive_grant;
 mod homing;
 mod leases;
 mod limits;
+mod recharge;
 mod tracks;
 mod watchdog;
 
 pub use act::{Act, Fact, LastWords};
-pub use arbiter::{Arbiter, EndedMotion};
+pub use arbiter::{Arbiter, EndedMotion, WaitingMotion};
 pub use battery::{BatteryChange, BatteryMonitor, Charging, LowCause};
 pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker, Source};
@@ -33,6 +34,7 @@ pub use drive_grant::{DriveGrant, capped};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use limits::{Limits, LimitsError, Rescue, UnknownRescue};
+pub use recharge::{AfterRecharge, Recharge};
 pub use tracks::Tracks;
 pub use watchdog::{DockReport, Watchdog};
 

@@ -2,6 +2,8 @@
 //! `explore` the watchdog alone; all in virtual time, except `stops::breaks`. `tests/it` plays a short one of each, `scripts/nightly` the rest.
 
 pub mod explore;
+#[path = "worlds/mod.rs"]
+pub mod flats;
 pub mod month;
 pub mod rescue;
 pub mod soak;

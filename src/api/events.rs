@@ -75,7 +75,12 @@ pub(super) const BATTERY: Object = table(
     "Battery",
     "The battery's state.",
     &[
-        whole("percent", "its level").unit("%"),
+        whole(
+            "percent",
+            "its level; nil if it is not known, as may happen while it charges",
+        )
+        .unit("%")
+        .optional(),
         boolean("charging", ""),
         number("age", "time since the robot reported it").unit("s"),
         number(

@@ -178,7 +178,7 @@ pub(super) const BT: Namespace = module(
             "print(bt.run(bt.name(\"the last way\", function() return true end)))",
         ),
     ],
-    "local bt = require(\"@spykee/bt\")\nlocal function has_power() local battery = robot.battery() return battery ~= nil and battery.percent > 30 end\nlocal function drive() return (robot.forward(1)) end\nlocal function go_home() return (robot.dock()) end\nlocal tree = bt.fallback(\n\tbt.guard(has_power, bt.timeout(10, drive)),\n\tgo_home\n)\nprint(bt.run(tree))",
+    "local bt = require(\"@spykee/bt\")\nlocal function has_power() local battery = robot.battery() return battery ~= nil and (battery.percent or 100) > 30 end\nlocal function drive() return (robot.forward(1)) end\nlocal function go_home() return (robot.dock()) end\nlocal tree = bt.fallback(\n\tbt.guard(has_power, bt.timeout(10, drive)),\n\tgo_home\n)\nprint(bt.run(tree))",
 );
 
 const SPEED: Value = value("speed", Type::Any, "a number from 1 to 100; default: 50").optional();
@@ -265,7 +265,7 @@ pub(super) const EASY: Namespace = module(
         call(
             "easy.battery",
             &[],
-            &[number("percent", "0 to 100").unit("%")],
+            &[number("percent", "0 to 100; the last level that the robot told").unit("%")],
             "Returns the battery's level.",
             "print(easy.battery())",
         )

@@ -191,7 +191,7 @@ const FUNCTIONS: &[Function] = &[
         &[],
         &[object("battery", &BATTERY, "nil before the robot's first report").optional()],
         "Returns the battery's level, and whether it charges.",
-        "local battery = robot.battery()\nif battery then\n\tprint(battery.percent, \"%\")\nend",
+        "local battery = robot.battery()\nif battery then\n\tprint(battery.percent or \"unknown\", \"%\")\nend",
     )
     .pure(),
     call(
@@ -261,7 +261,7 @@ const FUNCTIONS: &[Function] = &[
         ],
         &[HANDLE],
         "Calls a function at each event of this name.",
-        "robot.on(\"battery_low\", function(battery)\n\tlog.warn(`{battery.percent} % left`)\nend)",
+        "robot.on(\"battery_low\", function(battery)\n\tlog.warn(`{battery.percent or \"?\"} % left`)\nend)",
     ),
     call(
         "robot.once",

@@ -107,7 +107,7 @@ pub(super) fn describe(battery: Battery) -> String {
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         format!(", {minutes:.0} minutes left")
     });
-    format!("{}{charging}{left}", battery.percent)
+    format!("{}{charging}{left}", battery.level())
 }
 
 #[cfg(test)]
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn a_battery_in_words() {
         let battery = |charging, minutes_left| Battery {
-            percent: Percent::saturating(42),
+            percent: Percent::new(42),
             charging,
             minutes_left,
         };
@@ -128,5 +128,10 @@ mod tests {
             describe(battery(false, Some(17.6))),
             "42 %, 18 minutes left"
         );
+        let unknown = Battery {
+            percent: None,
+            ..battery(true, None)
+        };
+        assert_eq!(describe(unknown), "unknown level, charging");
     }
 }

@@ -125,5 +125,5 @@ fn lights(state: &State) -> Option<String> {
 
 fn battery(battery: Battery) -> String {
     let charging = if battery.charging { ", charging" } else { "" };
-    format!("{}{charging}", battery.percent)
+    format!("{}{charging}", battery.level())
 }

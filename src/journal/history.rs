@@ -83,8 +83,9 @@ pub struct Span {
 pub struct LevelRange {
     /// The number of the part, from 0.
     pub part: u32,
-    pub low: u8,
-    pub high: u8,
+    /// `None` if no level was known.
+    pub low: Option<u8>,
+    pub high: Option<u8>,
     /// The share of its records with the robot charging, 0..=1.
     pub charging: f64,
 }
@@ -183,12 +184,13 @@ impl JournalReader {
             "SELECT (at - ?1) * ?3 / (?2 - ?1) AS part, min(percent), max(percent), avg(charging)
             FROM battery WHERE at >= ?1 AND at < ?2 GROUP BY part";
         let mut statement = self.0.prepare(select)?;
+        let percent = |level: i64| level.clamp(0, 100) as u8;
         let period = (since.as_millisecond(), until.as_millisecond(), parts);
         let rows = statement.query_map(period, |row| {
             Ok(LevelRange {
                 part: row.get(0)?,
-                low: row.get::<_, i64>(1)?.clamp(0, 100) as u8,
-                high: row.get::<_, i64>(2)?.clamp(0, 100) as u8,
+                low: row.get::<_, Option<i64>>(1)?.map(percent),
+                high: row.get::<_, Option<i64>>(2)?.map(percent),
                 charging: row.get(3)?,
             })
         })?;
@@ -201,7 +203,8 @@ impl JournalReader {
         let order = format!("DESC LIMIT {}", span.limit());
         let select = select("battery", columns, &conditions, &order);
         let data = |row: &rusqlite::Row<'_>| {
-            let (percent, charging): (i64, bool) = (row.get(3)?, row.get(4)?);
+            let percent: Option<i64> = row.get(3)?;
+            let charging: bool = row.get(4)?;
             Ok(Map::from_iter([
                 ("event".to_owned(), json!("battery")),
                 ("percent".to_owned(), json!(percent)),

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tokio::time::Instant;
 
-use crate::robot::{AgentEvent, Battery};
+use crate::robot::{AgentEvent, Battery, Percent};
 
 /// Maximum number of rows waiting for the disk; further events are only counted.
 const MAX_WAITING: usize = 2000;
@@ -119,7 +119,7 @@ pub(super) struct Row {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Content {
     Battery {
-        percent: u8,
+        percent: Option<u8>,
         charging: bool,
     },
     Event {
@@ -132,7 +132,7 @@ pub(super) enum Content {
 impl Content {
     pub(super) fn of_battery(battery: &Battery) -> Content {
         Content::Battery {
-            percent: battery.percent.get(),
+            percent: battery.percent.map(Percent::get),
             charging: battery.charging,
         }
     }
@@ -190,7 +190,7 @@ mod tests {
 
     fn battery(percent: u8) -> AgentEvent {
         AgentEvent::Battery(Battery {
-            percent: Percent::saturating(percent),
+            percent: Some(Percent::saturating(percent)),
             charging: false,
             minutes_left: None,
         })

@@ -6,7 +6,8 @@ use rusqlite::{Connection, TransactionBehavior};
 use super::error::JournalError;
 
 /// One migration step for each version, never changed once it is released.
-const STEPS: &[&str] = &["
+const STEPS: &[&str] = &[
+    "
     CREATE TABLE session (
         id INTEGER PRIMARY KEY,
         began INTEGER NOT NULL,         -- milliseconds of the epoch, as all times
@@ -34,7 +35,21 @@ const STEPS: &[&str] = &["
         charging INTEGER NOT NULL
     );
     CREATE INDEX battery_at ON battery (at);
-"];
+",
+    "
+    ALTER TABLE battery RENAME TO known;
+    CREATE TABLE battery (
+        at INTEGER NOT NULL,
+        session INTEGER NOT NULL,
+        robot TEXT,
+        percent INTEGER,                -- NULL: not known
+        charging INTEGER NOT NULL
+    );
+    INSERT INTO battery SELECT at, session, robot, percent, charging FROM known ORDER BY rowid;
+    DROP TABLE known;
+    CREATE INDEX battery_at ON battery (at);
+",
+];
 
 /// The version of a file that this program writes.
 pub(super) const VERSION: usize = STEPS.len();

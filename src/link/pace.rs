@@ -337,6 +337,15 @@ impl Pace {
         self.period + self.period / 10
     }
 
+    /// When it will begin to execute what is written now, as far as its speed is known.
+    pub(super) fn next_execution(&self, now: Instant) -> Instant {
+        if self.measured {
+            self.free_at(now)
+        } else {
+            now
+        }
+    }
+
     fn free_at(&self, now: Instant) -> Instant {
         self.busy_until.map_or(now, |busy| busy.max(now))
     }

@@ -96,6 +96,10 @@ pub(super) struct SendQueue {
     /// Since when none of the offered bytes were accepted.
     stalled: Option<Instant>,
     pace: Pace,
+    /// The last MOVE written.
+    last_move: Bytes,
+    /// When the robot begins to execute it.
+    move_begins: Option<Instant>,
     /// A setpoint that moves the robot was written.
     drove: bool,
 }
@@ -307,6 +311,12 @@ impl SendQueue {
         while left > 0
             && let Some(mut message) = self.pop_command()
         {
+            if matches!(message.kind, CommandKind::Move | CommandKind::Stop)
+                && message.bytes != self.last_move
+            {
+                self.last_move = message.bytes.clone();
+                self.move_begins = Some(self.pace.next_execution(now));
+            }
             self.pace.wrote(message.kind == CommandKind::Question, now);
             self.drove |= message.kind == CommandKind::Move;
             let out = left.min(message.bytes.len());
@@ -328,6 +338,19 @@ impl SendQueue {
 
     pub(super) fn is_empty(&self) -> bool {
         self.urgent() == 0 && self.paced.is_empty() && self.speech.is_empty()
+    }
+
+    /// Whether a new setpoint waits here or in the robot's queue.
+    pub(super) fn is_new_setpoint_waiting(&self, now: Instant) -> bool {
+        let is_new = |message: &Message| {
+            message.kind == CommandKind::Move && message.bytes != self.last_move
+        };
+        self.paced.iter().any(is_new) || self.move_begins(now).is_some()
+    }
+
+    /// When the robot begins to execute the last setpoint, unless it has begun.
+    pub(super) fn move_begins(&self, now: Instant) -> Option<Instant> {
+        self.move_begins.filter(|begins| *begins > now)
     }
 
     /// Whether no command is queued that goes at once, and no message partly written.

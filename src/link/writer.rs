@@ -181,6 +181,16 @@ impl Writer {
         }
     }
 
+    /// Whether a new setpoint waits, here or in the robot's queue.
+    pub fn is_new_setpoint_waiting(&self, now: Instant) -> bool {
+        self.queue.is_new_setpoint_waiting(now)
+    }
+
+    /// When the robot begins to execute the last setpoint, unless it has begun.
+    pub fn move_begins(&self, now: Instant) -> Option<Instant> {
+        self.queue.move_begins(now)
+    }
+
     /// Whether the robot's program has executed everything that was sent before the last
     /// [`Writer::ask`].
     pub fn is_executed(&mut self) -> bool {

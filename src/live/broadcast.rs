@@ -25,7 +25,7 @@ use crate::control::Run;
 use crate::http::Access;
 use crate::robot::channel::{RunningBehaviour, RunningBehaviours};
 use crate::robot::{
-    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo,
+    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, Percent, RobotInfo,
 };
 use crate::vision::validate_markers;
 use crate::wire::Stream;
@@ -314,7 +314,7 @@ const EVERY: Duration = Duration::from_secs(30);
 #[derive(Debug, Clone, Copy)]
 struct Point {
     at: Instant,
-    percent: u8,
+    percent: Option<u8>,
     charging: bool,
 }
 
@@ -326,7 +326,7 @@ impl BatteryHistory {
     /// Records a level if it has changed or the last record is old. Returns whether it was
     /// recorded.
     pub(super) fn record(&mut self, battery: Battery, at: Instant) -> bool {
-        let percent = battery.percent.get();
+        let percent = battery.percent.map(Percent::get);
         let charging = battery.charging;
         let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
         let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
@@ -348,8 +348,8 @@ impl BatteryHistory {
         true
     }
 
-    /// Returns seconds before now, percent, charging; oldest first.
-    pub(super) fn points(&self, now: Instant) -> Vec<(f32, u8, bool)> {
+    /// Returns seconds before now, percent if it is known, charging; oldest first.
+    pub(super) fn points(&self, now: Instant) -> Vec<(f32, Option<u8>, bool)> {
         let ago = |at| now.saturating_duration_since(at).as_secs_f32();
         self.0
             .iter()
@@ -473,7 +473,7 @@ mod tests {
 
     fn battery(percent: u8) -> Battery {
         Battery {
-            percent: Percent::saturating(percent),
+            percent: Some(Percent::saturating(percent)),
             charging: false,
             minutes_left: None,
         }

@@ -144,8 +144,8 @@ pub(super) fn read(
     let mut plot = Plot::new(since, days);
     for level in history.levels(since, until, PARTS as u32)? {
         if let Some(part) = plot.parts.get_mut(level.part as usize) {
-            part.low = Some(level.low);
-            part.high = Some(level.high);
+            part.low = level.low;
+            part.high = level.high;
             part.charging = level.charging;
         }
     }

@@ -80,10 +80,10 @@ pub(super) enum ToPage<'a> {
     },
     /// The state of the run.
     State(&'a State),
-    /// The history of the battery: seconds before now, percent, charging.
+    /// The history of the battery: seconds before now, percent or null, charging.
     Battery {
         /// Oldest first.
-        points: Vec<(f32, u8, bool)>,
+        points: Vec<(f32, Option<u8>, bool)>,
     },
     /// The fixed parts of the simulated world.
     World(&'a WorldPlan),

@@ -171,8 +171,9 @@ impl Metrics {
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
         let battery = status.battery;
+        let percent = battery.and_then(|battery| battery.percent);
         self.percent
-            .set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
+            .set(percent.map_or(f64::NAN, |percent| f64::from(percent.get())));
         let minutes = battery.and_then(|battery| battery.minutes_left);
         let seconds = minutes.map_or(f64::NAN, |minutes| 60.0 * f64::from(minutes));
         self.left.set(seconds);

@@ -8,7 +8,7 @@ use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::behaviour::is_failure;
 use crate::control::Start;
 use crate::pilot::{LinkState, Status};
-use crate::robot::{AgentEvent, DockEnd};
+use crate::robot::{AgentEvent, DockEnd, Percent};
 use crate::safety::WatchdogState;
 
 /// Maximum number of behaviours whose failures are remembered.
@@ -146,7 +146,7 @@ impl Report {
         let reason = self.reason(status);
         json!({
             "state": activity(status, !running.is_empty()),
-            "battery": status.battery.map(|battery| battery.percent.get()),
+            "battery": status.battery.and_then(|battery| battery.percent).map(Percent::get),
             "charging": status.battery.is_some_and(|battery| battery.charging),
             "docked": status.docked,
             "low": status.low,
@@ -188,7 +188,7 @@ mod tests {
             link: LinkState::Up,
             safety,
             battery: Some(Battery {
-                percent: Percent::saturating(71),
+                percent: Some(Percent::saturating(71)),
                 charging: false,
                 minutes_left: None,
             }),

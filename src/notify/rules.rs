@@ -203,7 +203,7 @@ impl Rules {
 
     fn low_text(&self) -> String {
         match self.battery {
-            Some(battery) => format!("the battery is low: {}", battery.percent),
+            Some(battery) => format!("the battery is low: {}", battery.level()),
             None => "the battery is low".to_owned(),
         }
     }

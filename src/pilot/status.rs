@@ -6,7 +6,7 @@ use tokio::time::Instant;
 use tracing::info;
 
 use crate::link::Delays;
-use crate::robot::{Battery, Setpoint, StopConfirmation, TrackPower};
+use crate::robot::{Battery, Percent, Setpoint, StopConfirmation, TrackPower};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::{Command, Led, Sound};
 
@@ -235,10 +235,12 @@ impl MinutesLeft {
     }
 
     pub(super) fn level(&mut self, battery: Battery, now: Instant) {
-        let percent = battery.percent.get();
         if battery.charging {
             return self.forget();
         }
+        let Some(percent) = battery.percent.map(Percent::get) else {
+            return;
+        };
         let Some(before) = self.level else {
             self.level = Some(percent);
             return;
@@ -345,7 +347,7 @@ mod tests {
         let start = Instant::now();
         for (minute, level) in (0..).zip(levels) {
             let battery = Battery {
-                percent: Percent::saturating(*level),
+                percent: Some(Percent::saturating(*level)),
                 charging: false,
                 minutes_left: None,
             };
@@ -377,7 +379,7 @@ mod tests {
         let mut left = MinutesLeft::default();
         let now = Instant::now();
         let battery = |percent, charging| Battery {
-            percent: Percent::saturating(percent),
+            percent: Some(Percent::saturating(percent)),
             charging,
             minutes_left: None,
         };

@@ -304,7 +304,7 @@ mod tests {
             },
             AgentEvent::LinkDown { reason: text() },
             AgentEvent::Battery(Battery {
-                percent: Percent::saturating(71),
+                percent: Some(Percent::saturating(71)),
                 charging: false,
                 minutes_left: Some(12.5),
             }),

@@ -72,6 +72,13 @@ pub enum Event {
     },
     /// The robot was told to make a sound, by any behaviour, person or rule.
     Sounding,
+    /// A timed setpoint waits until the robot's queue has room for it; its time has not begun.
+    MotionWaiting {
+        /// The setpoint.
+        motion: MotionId,
+        /// Whether it waits; `false`: it has begun.
+        on: bool,
+    },
     /// A setpoint has ended.
     MotionEnded {
         /// The setpoint.
@@ -107,10 +114,10 @@ impl Event {
 
     /// Whether a waiting call depends on it, so that it must never be dropped.
     pub fn is_answer(&self) -> bool {
-        use Event::{DockEnded, MotionEnded, UndockEnded};
+        use Event::{DockEnded, MotionEnded, MotionWaiting, UndockEnded};
         matches!(
             self,
-            MotionEnded { .. } | DockEnded { .. } | UndockEnded { .. }
+            MotionWaiting { .. } | MotionEnded { .. } | DockEnded { .. } | UndockEnded { .. }
         )
     }
 }

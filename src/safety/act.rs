@@ -52,6 +52,8 @@ pub enum Fact {
         /// The guardian has sent the last words meanwhile.
         guardian_wrote: bool,
     },
+    /// Whether a person's STOP holds: what the watchdog sends does not reach the robot.
+    StoppedByPerson(bool),
     /// Whether a guardian process answers, which stops the robot if this program no longer can.
     Guarded(bool),
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on

@@ -3,7 +3,8 @@
 //!
 //! Each request is a claim on the tracks. A timed claim that cannot have them ends as `preempted`
 //! at once. An untimed claim stands by and takes over the tracks, without a gap, when it comes
-//! first. A held claim keeps its place, but moves nothing.
+//! first. A held claim keeps its place, but moves nothing. The time of a timed claim begins when
+//! the robot executes its MOVE, which may wait for a slow robot's queue.
 
 use std::time::Duration;
 
@@ -22,13 +23,40 @@ pub struct EndedMotion {
     pub end: MotionEnd,
 }
 
+/// A timed setpoint that waits for the robot's queue, or has begun after it waited.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WaitingMotion {
+    /// The behaviour that set it.
+    pub by: BehaviourId,
+    /// Its number.
+    pub motion: MotionId,
+    /// Whether it waits.
+    pub waits: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// Not known yet whether its MOVE waits.
+    New,
+    Waits,
+    Begun,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct TimeLimit {
+    duration: Duration,
+    /// When it is over if it begins now, or has begun.
+    until: Instant,
+    start: Start,
+}
+
 #[derive(Debug, Clone)]
 struct Claim {
     by: BehaviourId,
     priority: Priority,
     motion: MotionId,
     setpoint: Setpoint,
-    until: Option<Instant>,
+    limit: Option<TimeLimit>,
     held: bool,
 }
 
@@ -39,6 +67,15 @@ impl Claim {
             motion: self.motion,
             end,
         }
+    }
+
+    /// When its time is over; `None` if it has no limit, or has not begun.
+    fn deadline(&self) -> Option<Instant> {
+        let limit = self.limit?;
+        if limit.start == Start::Waits {
+            return None;
+        }
+        Some(limit.until)
     }
 }
 
@@ -60,13 +97,17 @@ impl Arbiter {
         duration: Option<Duration>,
         now: Instant,
     ) -> Vec<EndedMotion> {
-        let until = duration.map(|duration| now + duration);
+        let limit = duration.map(|duration| TimeLimit {
+            duration,
+            until: now + duration,
+            start: Start::New,
+        });
         let claim = Claim {
             by,
             priority,
             motion,
             setpoint,
-            until,
+            limit,
             held: false,
         };
         let mut ended = Vec::new();
@@ -89,8 +130,31 @@ impl Arbiter {
     /// Ends all timed claims but the first: they do not stand by.
     fn preempt_timed(&mut self) -> Vec<EndedMotion> {
         let mut first = true;
-        let keep = |claim: &Claim| std::mem::take(&mut first) || claim.until.is_none();
+        let keep = |claim: &Claim| std::mem::take(&mut first) || claim.limit.is_none();
         self.end_unless(keep, MotionEnd::Preempted)
+    }
+
+    /// Notes whether a MOVE with a new setpoint waits. Returns the timed setpoint that
+    /// has begun to wait, or has begun after it waited.
+    pub fn set_waiting(&mut self, waits: bool, now: Instant) -> Option<WaitingMotion> {
+        let claim = self.claims.first_mut()?;
+        let limit = claim.limit.as_mut()?;
+        let before = limit.start;
+        if before == Start::Begun {
+            return None;
+        }
+        limit.start = if waits { Start::Waits } else { Start::Begun };
+        if waits || before == Start::Waits {
+            limit.until = now + limit.duration;
+        }
+        if waits == (before == Start::Waits) {
+            return None;
+        }
+        Some(WaitingMotion {
+            by: claim.by,
+            motion: claim.motion,
+            waits,
+        })
     }
 
     /// Ends a behaviour's claim if it is still `motion`.
@@ -135,7 +199,7 @@ impl Arbiter {
     /// Ends the claims whose duration is over.
     pub fn expire(&mut self, now: Instant) -> Vec<EndedMotion> {
         self.end_unless(
-            |claim| claim.until.is_none_or(|until| until > now),
+            |claim| claim.deadline().is_none_or(|until| until > now),
             MotionEnd::Done,
         )
     }
@@ -166,7 +230,7 @@ impl Arbiter {
 
     /// When the next timed claim expires.
     pub fn next_deadline(&self) -> Option<Instant> {
-        self.claims.iter().filter_map(|claim| claim.until).min()
+        self.claims.iter().filter_map(Claim::deadline).min()
     }
 
     fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<EndedMotion> {
@@ -268,6 +332,29 @@ mod tests {
         arbiter.forget(AVOID.0);
         assert_eq!(arbiter.setpoint(), at(40.0));
         assert!(arbiter.claimants().eq([PATROL.0]));
+    }
+
+    #[test]
+    fn the_time_of_a_timed_move_begins_when_its_move_no_longer_waits() {
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
+        let (by, priority) = PATROL;
+        arbiter.claim(by, priority, MotionId(1), at(40.0), Some(SECOND), now);
+        let motion = MotionId(1);
+        let waiting = |waits| Some(WaitingMotion { by, motion, waits });
+        assert_eq!(arbiter.set_waiting(true, now), waiting(true));
+        assert_eq!(arbiter.set_waiting(true, now + SECOND), None);
+        assert_eq!(arbiter.expire(now + 2 * SECOND), []);
+        assert_eq!(arbiter.next_deadline(), None);
+        let written = now + 3 * SECOND;
+        assert_eq!(arbiter.set_waiting(false, written), waiting(false));
+        assert_eq!(arbiter.next_deadline(), Some(written + SECOND));
+        // A repeat that waits does not prolong it.
+        assert_eq!(arbiter.set_waiting(true, written + SECOND / 2), None);
+        assert_eq!(
+            arbiter.expire(written + SECOND),
+            [ended(PATROL, 1, MotionEnd::Done)]
+        );
     }
 
     #[test]

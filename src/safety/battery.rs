@@ -1,6 +1,12 @@
 //! Evaluates battery reports: the level, whether the battery charges, and when it is low. Bad news
 //! is believed at the first report, good news only when several reports confirm it; silence counts
 //! as low.
+//!
+//! While it charges, a robot may report numbers that are no level (`PROTOCOL.md`, *POWER*). They are
+//! no silence on the station, and tell that it charges: a negative one as any negative level does, a
+//! positive one only while the robot reports that it is on its station. Off the station they say
+//! nothing: the time since the last level goes on. No report without a level makes a low battery
+//! good; a long charge does.
 
 use std::time::Duration;
 
@@ -59,7 +65,16 @@ pub struct BatteryMonitor {
     low: Percent,
     ok: Percent,
     silence: Duration,
+    /// The last level that was believed.
     level: Option<(Percent, Instant)>,
+    /// When the last report with a level came.
+    told: Option<Instant>,
+    /// Reports come, but none has had a level for [`BatteryMonitor::LEVEL_LIFETIME`].
+    level_unknown: bool,
+    /// Since when it charges.
+    charging_since: Option<Instant>,
+    /// It has charged for [`BatteryMonitor::FILL_TIME`], or the robot has reported that it is full.
+    filled: bool,
     outlier: Debounce,
     low_cause: Option<LowCause>,
     good: Debounce,
@@ -77,6 +92,14 @@ impl BatteryMonitor {
     /// How long one unconfirmed report of charging counts.
     pub const UNCONFIRMED_TIMEOUT: Duration = Duration::from_secs(120);
 
+    /// How long a level counts while reports without one come.
+    pub const LEVEL_LIFETIME: Duration = Duration::from_secs(60);
+
+    /// How long a battery must charge to count as good although its level is not known. Many stations
+    /// end charging after four hours (`PROTOCOL.md`, *The station*), so an hour is at least a quarter of a charge: a robot that came
+    /// home at 20 % has 45 % then, and a small battery is full.
+    pub const FILL_TIME: Duration = Duration::from_secs(60 * 60);
+
     /// The most points by which a level changes from one report to the next, besides ...
     const STEP: f64 = 10.0;
     /// ... this many points a second that driving explains.
@@ -89,6 +112,10 @@ impl BatteryMonitor {
             ok: limits.ok,
             silence: limits.power_silence.get(),
             level: None,
+            told: None,
+            level_unknown: false,
+            charging_since: None,
+            filled: false,
             outlier: Debounce::new(DebounceRule::LEVEL),
             low_cause: None,
             good: Debounce::new(DebounceRule::LEVEL),
@@ -104,8 +131,12 @@ impl BatteryMonitor {
 
     /// Handles a battery report; `contact`: the robot has reported that it is on its station.
     pub fn report(&mut self, power: Power, contact: bool, now: Instant) -> Option<BatteryChange> {
-        let level = Percent::saturating(power.percent);
+        let Some(level) = power.level().map(Percent::saturating) else {
+            return self.report_without_level(power, contact, now);
+        };
         self.reported = Some(now);
+        self.told = Some(now);
+        self.level_unknown = false;
         self.judge_charging(power, contact, now);
         self.judge_level(level, power, now);
         self.low_level.observe(level <= self.low, power, now);
@@ -122,18 +153,63 @@ impl BatteryMonitor {
         }
     }
 
+    fn report_without_level(
+        &mut self,
+        power: Power,
+        contact: bool,
+        now: Instant,
+    ) -> Option<BatteryChange> {
+        self.reported.get_or_insert(now);
+        let told = *self.told.get_or_insert(now);
+        self.level_unknown = self.level.is_none() || now >= told + Self::LEVEL_LIFETIME;
+        let claim = Power {
+            charging: power.charging || contact,
+            ..power
+        };
+        self.judge_charging(claim, contact && power.charging, now);
+        let charged = self
+            .charging_since
+            .is_some_and(|since| now >= since + Self::FILL_TIME);
+        if self.level_unknown && charged {
+            self.fill();
+        }
+        match (self.charging, self.level) {
+            (Charging::Confirmed, _) => self.release(),
+            (Charging::No, Some((level, _))) if self.low_level.is_on() => {
+                self.become_low(LowCause::Level(level))
+            }
+            _ => None,
+        }
+    }
+
+    /// Handles the robot's report that its battery is full. It counts only while it charges and its
+    /// level is not known.
+    pub fn full(&mut self) {
+        if self.level_unknown && self.charging == Charging::Confirmed {
+            self.fill();
+        }
+    }
+
+    /// The battery counts as good until a level says otherwise.
+    fn fill(&mut self) {
+        self.filled = true;
+        self.level = None;
+        self.low_level.turn_off();
+        self.critical_level.turn_off();
+    }
+
     /// Handles the robot's report that it is on its station, which confirms a report of charging.
-    pub fn contact(&mut self) -> Option<BatteryChange> {
+    pub fn contact(&mut self, now: Instant) -> Option<BatteryChange> {
         if self.charging != Charging::Unconfirmed {
             return None;
         }
-        (self.charging, self.unconfirmed_since) = (Charging::Confirmed, None);
+        self.set_charging(Charging::Confirmed, now);
         self.release()
     }
 
     /// Handles the robot's report that it has left its station.
-    pub fn undocked(&mut self) {
-        (self.charging, self.unconfirmed_since) = (Charging::No, None);
+    pub fn undocked(&mut self, now: Instant) {
+        self.set_charging(Charging::No, now);
         self.charged.forget();
     }
 
@@ -142,8 +218,11 @@ impl BatteryMonitor {
         if self.unconfirmed_deadline().is_none_or(|due| due > now) {
             return None;
         }
-        (self.charging, self.unconfirmed_since) = (Charging::No, None);
-        let level = self.level().filter(|level| *level <= self.low)?;
+        self.set_charging(Charging::No, now);
+        let (level, _) = self.level?;
+        if level > self.low {
+            return None;
+        }
         self.become_low(LowCause::Level(level))
     }
 
@@ -187,9 +266,27 @@ impl BatteryMonitor {
         self.low_cause
     }
 
-    /// The believed level: the last one, unless it is an outlier and nothing confirms it yet.
+    /// The believed level: the last one, unless it is an outlier and nothing confirms it yet. `None`
+    /// before the first, and while it is not known.
     pub fn level(&self) -> Option<Percent> {
+        if self.level_unknown {
+            return None;
+        }
         self.level.map(|(level, _)| level)
+    }
+
+    /// Whether the robot has reported anything of its battery.
+    pub fn has_report(&self) -> bool {
+        self.reported.is_some()
+    }
+
+    /// Whether the battery is good enough to leave the station. If its level is not known: the last
+    /// one was at least `ok`, or it has charged for long.
+    pub fn may_leave(&self) -> bool {
+        if !self.level_unknown {
+            return !self.at_or_below_low();
+        }
+        self.filled || self.level.is_some_and(|(level, _)| level >= self.ok)
     }
 
     /// Whether the battery charges.
@@ -212,17 +309,29 @@ impl BatteryMonitor {
     fn judge_charging(&mut self, power: Power, contact: bool, now: Instant) {
         let proved = self.charged.observe(power.charging, power, now);
         let stale = self.unconfirmed_deadline().is_some_and(|due| due <= now);
-        self.charging = match self.charging {
+        let charging = match self.charging {
             _ if !power.charging => Charging::No,
             Charging::Confirmed => Charging::Confirmed,
             _ if contact || proved => Charging::Confirmed,
             _ => Charging::Unconfirmed,
         };
-        self.unconfirmed_since = match self.charging {
-            Charging::Unconfirmed if stale => Some(now),
+        if stale {
+            self.unconfirmed_since = None;
+        }
+        self.set_charging(charging, now);
+    }
+
+    fn set_charging(&mut self, charging: Charging, now: Instant) {
+        self.charging = charging;
+        self.unconfirmed_since = match charging {
             Charging::Unconfirmed => self.unconfirmed_since.or(Some(now)),
             Charging::No | Charging::Confirmed => None,
         };
+        self.charging_since = match charging {
+            Charging::Confirmed => self.charging_since.or(Some(now)),
+            Charging::No | Charging::Unconfirmed => None,
+        };
+        self.filled &= charging == Charging::Confirmed;
     }
 
     /// Believes a level that is an outlier when it is confirmed; one that falls to low, at once.
@@ -230,7 +339,7 @@ impl BatteryMonitor {
         let is_outlier = self
             .level
             .is_some_and(|before| self.is_outlier(before, level, now));
-        let falls = self.level().is_some_and(|before| level < before);
+        let falls = self.level.is_some_and(|(before, _)| level < before);
         let proved = self.outlier.observe(is_outlier, power, now);
         if !is_outlier || proved || (falls && level <= self.low) {
             self.level = Some((level, now));
@@ -369,9 +478,13 @@ mod tests {
     fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
         assert_eq!(Rig::at(10).report_in(10, true, true), RELEASED);
         let mut rig = Rig::at(10);
-        assert_eq!(rig.monitor.contact(), None, "contact alone is not charging");
+        assert_eq!(
+            rig.monitor.contact(rig.now),
+            None,
+            "contact alone is not charging"
+        );
         rig.report(10, true);
-        assert_eq!(rig.monitor.contact(), RELEASED);
+        assert_eq!(rig.monitor.contact(rig.now), RELEASED);
         assert_eq!(rig.monitor.charging(), Charging::Confirmed);
     }
 
@@ -404,7 +517,7 @@ mod tests {
         let mut rig = Rig::at(60);
         rig.report(60, true);
         rig.report(60, true);
-        rig.monitor.undocked();
+        rig.monitor.undocked(rig.now);
         assert_eq!(rig.monitor.charging(), Charging::No);
         rig.report(60, true);
         assert_eq!(rig.monitor.charging(), Charging::Unconfirmed);
@@ -529,6 +642,118 @@ mod tests {
         );
     }
 
+    /// Reports without a level on the contacts, one each minute.
+    fn charge(rig: &mut Rig, minutes: u32, charging: bool) -> Vec<BatteryChange> {
+        let mut changes = Vec::new();
+        for _ in 0..minutes {
+            rig.now += 55 * SECOND;
+            changes.extend(rig.report_in(110, charging, true));
+        }
+        changes
+    }
+
+    #[test]
+    fn a_report_without_a_level_is_charging_if_negative_or_on_the_contact() {
+        let mut rig = Rig::new();
+        assert!(!rig.monitor.has_report());
+        assert_eq!(rig.report_in(128, true, true), None);
+        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
+        assert!(rig.monitor.has_report() && rig.level().is_none());
+
+        let mut rig = Rig::new();
+        rig.report_in(110, false, true);
+        assert_eq!(rig.monitor.charging(), Charging::Unconfirmed, "no sign");
+        rig.report_in(110, false, true);
+        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
+
+        let mut rig = Rig::new();
+        rig.report(110, true);
+        assert_eq!(rig.monitor.charging(), Charging::Unconfirmed, "no contact");
+        rig.report(128, true);
+        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
+        rig.report(110, false);
+        assert_eq!(rig.monitor.charging(), Charging::No);
+    }
+
+    #[test]
+    fn a_level_is_not_known_when_reports_have_had_none_for_a_minute() {
+        let mut rig = Rig::at(60);
+        for _ in 0..11 {
+            rig.report_in(110, true, true);
+            assert_eq!(rig.level(), Some(60));
+        }
+        rig.report_in(110, true, true);
+        assert_eq!(rig.level(), None);
+        rig.report_in(62, true, true);
+        assert_eq!(rig.level(), Some(62));
+    }
+
+    #[test]
+    fn without_a_level_low_stays_low_until_it_charges_and_again_when_that_ends() {
+        let mut rig = Rig::at(15);
+        for _ in 0..20 {
+            assert_eq!(rig.report(110, false), None);
+            assert!(rig.monitor.low().is_some());
+        }
+        assert_eq!(rig.report(110, true), None);
+        assert_eq!(rig.report(110, true), RELEASED);
+        assert!(rig.monitor.at_or_below_low());
+        assert_eq!(rig.report(110, false), low_at(15));
+    }
+
+    #[test]
+    fn off_the_station_reports_without_a_level_do_not_end_the_silence() {
+        for before in [Some(80), None] {
+            let mut rig = before.map_or_else(Rig::new, Rig::at);
+            let mut due = None;
+            for _ in 0..119 {
+                assert_eq!(rig.report(110, false), None);
+                let first = *due.get_or_insert(rig.monitor.next_deadline());
+                assert_eq!(rig.monitor.next_deadline(), first);
+                assert_eq!(rig.monitor.poll(rig.now), None);
+            }
+            let due = due.flatten().unwrap();
+            let silence = LowCause::Silence(Duration::from_secs(600));
+            assert_eq!(
+                rig.monitor.poll(due),
+                Some(BatteryChange::BecameLow(silence))
+            );
+        }
+    }
+
+    #[test]
+    fn it_may_leave_at_an_unknown_level_if_the_last_was_good_or_it_has_charged_for_an_hour() {
+        let mut good = Rig::at(50);
+        charge(&mut good, 3, true);
+        assert!(good.monitor.may_leave() && good.level().is_none());
+        let befores = [None, Some(49), Some(15), Some(5)];
+        for (before, charging) in befores.into_iter().zip([true, false, true, false]) {
+            let mut rig = before.map_or_else(Rig::new, Rig::at);
+            charge(&mut rig, 60, charging);
+            assert!(!rig.monitor.may_leave(), "{before:?}");
+            charge(&mut rig, 2, charging);
+            assert!(rig.monitor.may_leave(), "{before:?}");
+            assert!(!rig.monitor.at_or_below_low() && !rig.monitor.critical());
+            assert_eq!(rig.report_in(7, true, true), None);
+            assert!(!rig.monitor.may_leave(), "a level counts again");
+        }
+    }
+
+    #[test]
+    fn a_pause_in_charging_begins_the_hour_anew_and_a_full_battery_ends_it() {
+        let mut rig = Rig::at(30);
+        charge(&mut rig, 59, true);
+        rig.monitor.undocked(rig.now);
+        charge(&mut rig, 30, true);
+        assert!(!rig.monitor.may_leave());
+        rig.monitor.full();
+        assert!(rig.monitor.may_leave());
+        let mut known = Rig::at(15);
+        known.report_in(15, true, true);
+        known.monitor.full();
+        assert!(!known.monitor.may_leave(), "its level says otherwise");
+    }
+
     /// The reports of a battery at `truth` with garbage in between, never two garbage reports in a row.
     fn garbled(truth: u8) -> impl Strategy<Value = Vec<(u8, bool)>> {
         let garbage = prop_oneof![
@@ -536,6 +761,7 @@ mod tests {
             Just((60, false)),
             Just((100, false)),
             Just((truth, true)),
+            (101..=128u8, any::<bool>()),
         ];
         let piece = (1..4usize, garbage);
         prop::collection::vec(piece, 1..30).prop_map(move |pieces| {

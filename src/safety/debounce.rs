@@ -18,6 +18,7 @@ pub(super) struct DebounceRule {
     /// ... the first and the last at least this far apart ...
     pub(super) span: Duration,
     /// ... with levels within this many points of each other, besides what charging explains.
+    /// Reports without a level agree with all.
     pub(super) spread: u8,
 }
 
@@ -39,8 +40,8 @@ impl DebounceRule {
 struct Run {
     began: Instant,
     count: u32,
-    lowest: u8,
-    highest: u8,
+    /// The lowest and the highest level so far.
+    levels: Option<(u8, u8)>,
     charging: bool,
 }
 
@@ -49,26 +50,28 @@ impl Run {
         Run {
             began: now,
             count: 1,
-            lowest: power.percent,
-            highest: power.percent,
+            levels: power.level().map(|level| (level, level)),
             charging: power.charging,
         }
     }
 
     /// The run with one more report; `None` if that report contradicts the earlier ones.
     fn with(self, power: Power, spread: u8, now: Instant) -> Option<Run> {
-        let lowest = self.lowest.min(power.percent);
-        let highest = self.highest.max(power.percent);
+        let levels = match (self.levels, power.level()) {
+            (Some((lowest, highest)), Some(level)) => Some((lowest.min(level), highest.max(level))),
+            (None, Some(level)) => Some((level, level)),
+            (levels, None) => levels,
+        };
         let gain = if power.charging {
             FASTEST_CHARGE * (now - self.began).as_secs_f64()
         } else {
             0.0
         };
-        let agrees = f64::from(highest - lowest) <= f64::from(spread) + gain;
+        let apart = levels.map_or(0, |(lowest, highest)| highest - lowest);
+        let agrees = f64::from(apart) <= f64::from(spread) + gain;
         (agrees && power.charging == self.charging).then_some(Run {
             count: self.count.saturating_add(1),
-            lowest,
-            highest,
+            levels,
             ..self
         })
     }
@@ -125,6 +128,10 @@ impl DebouncedFlag {
 
     pub(super) fn is_on(&self) -> bool {
         self.on
+    }
+
+    pub(super) fn turn_off(&mut self) {
+        *self = DebouncedFlag::new();
     }
 }
 

@@ -117,6 +117,20 @@ impl Docking {
         (docking, actions)
     }
 
+    /// Begins on the station, by leaving it.
+    pub fn leave(approach: DockLimits, now: Instant) -> (Docking, Vec<DockAction>) {
+        let phase = DockingPhase::Leaving {
+            until: now + Docking::LEAVE_TIMEOUT,
+        };
+        let docking = Docking {
+            approach,
+            started: now,
+            attempts: 0,
+            phase,
+        };
+        (docking, vec![DockAction::Undock])
+    }
+
     /// Handles an ENGINE message.
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {

@@ -1,7 +1,7 @@
 //! The way home of a robot with a low battery, from the first search until the battery is good
 //! again. A failed search is followed by
 //!
-//! - a grant: a behaviour that can see drives the robot elsewhere for a few seconds
+//! - a grant: a behaviour that can see drives the robot elsewhere for as long as the search took
 //!   ([`DriveGrant`]);
 //! - or a short blind [`BlindMove`] of the watchdog's own, where nothing can be granted or the
 //!   grant was not used;
@@ -39,8 +39,13 @@ pub enum HomingStep {
 pub enum AfterFailure {
     /// The next search.
     Search,
-    /// A grant of the tracks to this behaviour.
-    DriveGrant(BehaviourId),
+    /// A grant of the tracks.
+    DriveGrant {
+        /// The grantee.
+        by: BehaviourId,
+        /// How long it may drive.
+        time: Duration,
+    },
     /// A blind move, with its number counted from 1.
     BlindMove(u32),
     /// The robot stands still for this long.
@@ -88,6 +93,9 @@ impl Homing {
     /// The shortest time from one search to the next, unless something has happened to the robot;
     /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
+
+    /// The longest grant: a search that takes longer has reached another place by itself.
+    pub const LONGEST_GRANT: Duration = Duration::from_secs(30);
 
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
@@ -149,14 +157,23 @@ impl Homing {
             self.wait(Duration::ZERO, now);
             AfterFailure::Search
         } else if let Some(by) = rescuer {
-            self.phase = HomingPhase::Granted(DriveGrant::start(by, self.grant_time, now));
-            AfterFailure::DriveGrant(by)
+            let time = self.grant_time(now);
+            self.phase = HomingPhase::Granted(DriveGrant::start(by, time, now));
+            AfterFailure::DriveGrant { by, time }
         } else if self.blind && may_drive {
             AfterFailure::BlindMove(self.drive(now))
         } else {
             self.wait(self.pause, now);
             AfterFailure::Pause(self.pause)
         }
+    }
+
+    /// As long as the failed search took: many short grants between long searches spend the battery
+    /// on searches from places close to each other.
+    fn grant_time(&self, now: Instant) -> Duration {
+        let began = self.searched.unwrap_or(now);
+        let took = now.saturating_duration_since(began);
+        took.min(Homing::LONGEST_GRANT).max(self.grant_time)
     }
 
     /// Ends a grant or a blind move; the search from here comes next.
@@ -353,13 +370,27 @@ mod tests {
     fn a_rescuer_drives_before_a_blind_leg() {
         let (mut homing, now) = searching();
         let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-        assert_eq!(next, AfterFailure::DriveGrant(WHO));
+        let time = Homing::LONGEST_GRANT;
+        assert_eq!(next, AfterFailure::DriveGrant { by: WHO, time });
         assert_eq!(homing.grantee(), Some(WHO));
         homing.note_motion(true, now + SECOND);
-        let due = now + 8 * SECOND;
+        let due = now + time;
         assert_eq!(homing.next_deadline(now), Some(due));
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.grantee(), None);
+    }
+
+    #[test]
+    fn a_grant_is_as_long_as_the_search_before_it_within_bounds() {
+        for (search, grant) in [(3, 8), (20, 20), (60, 30)] {
+            let now = Instant::now();
+            let mut homing = Homing::new(&Limits::default(), now);
+            assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
+            let failed = now + search * SECOND;
+            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, failed);
+            homing.note_motion(true, failed);
+            assert_eq!(homing.next_deadline(failed), Some(failed + grant * SECOND));
+        }
     }
 
     #[test]

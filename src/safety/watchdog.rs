@@ -15,9 +15,10 @@ use tokio::time::Instant;
 
 use super::docking::{ActiveDocking, Caller};
 use super::{
-    Act, AfterFailure, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction, DockLimits,
-    DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep, HostLife,
-    LastWords, Leases, Limits, LowCause, Rescue, Retry, Tracks, capped,
+    ALARM, Act, AfterFailure, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging,
+    DockAction, DockLimits, DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact,
+    Homing, HomingStep, HostLife, LastWords, Leases, Limits, LowCause, Recharge, Rescue, Retry,
+    Tracks, WaitingMotion, capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
@@ -60,6 +61,7 @@ pub struct Watchdog {
     /// Without a guardian: until then setpoints are held.
     held_until: Option<Instant>,
     run_ending: bool,
+    stopped_by_person: bool,
     dock_tracker: DockTracker,
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
@@ -74,6 +76,7 @@ pub struct Watchdog {
     docking: Option<ActiveDocking>,
     leaving: Option<Leaving>,
     homing: Option<Homing>,
+    recharge: Recharge,
     rescuer: Option<BehaviourId>,
     /// Since when the robot reports 0 % on its contacts.
     flat_since: Option<Instant>,
@@ -109,6 +112,7 @@ impl Watchdog {
             guarded: true,
             held_until: None,
             run_ending: false,
+            stopped_by_person: false,
             searching: false,
             may_search: false,
             arbiter: Arbiter::default(),
@@ -116,6 +120,7 @@ impl Watchdog {
             docking: None,
             leaving: None,
             homing: None,
+            recharge: Recharge::default(),
             rescuer: None,
             flat_since: None,
             streaming: false,
@@ -166,6 +171,7 @@ impl Watchdog {
                 gap,
                 guardian_wrote,
             } => self.end_stall(gap, guardian_wrote, now),
+            Fact::StoppedByPerson(stopped) => self.stopped_by_person = stopped,
             Fact::Guarded(guarded) => self.set_guarded(guarded, now),
             Fact::RunEnding => self.end_run(now),
         }
@@ -183,10 +189,19 @@ impl Watchdog {
         self.check_place(now);
         self.check_power_silence(now);
         self.continue_docking(now);
+        self.check_recharge(now);
         self.check_leaving(now);
         self.sound_alarm(now);
         self.drive(now);
         std::mem::take(&mut self.acts)
+    }
+
+    /// Notes whether a MOVE with a new setpoint waits for or in the robot's queue; it may also wait
+    /// here. Returns the timed setpoint that has begun to wait, or has begun after it
+    /// waited.
+    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<WaitingMotion> {
+        let waits = queued || self.arbiter.setpoint() != self.tracks.last_sent();
+        self.arbiter.set_waiting(waits, now)
     }
 
     /// When [`Watchdog::poll`] has something to do, seen from its last call. A time in the past
@@ -222,6 +237,7 @@ impl Watchdog {
             self.held_until,
             self.flat_deadline(),
             self.battery_monitor.unconfirmed_deadline(),
+            self.recharge_due(),
             docking,
         ]
         .into_iter()
@@ -266,8 +282,11 @@ impl Watchdog {
     /// What is believed of the battery, without an estimate of the minutes left; `None` before the
     /// first report.
     pub fn battery(&self) -> Option<Battery> {
+        if !self.battery_monitor.has_report() {
+            return None;
+        }
         Some(Battery {
-            percent: self.battery_monitor.level()?,
+            percent: self.battery_monitor.level(),
             charging: self.battery_monitor.charging() == Charging::Confirmed,
             minutes_left: None,
         })
@@ -573,6 +592,7 @@ impl Watchdog {
 
     /// The rule with the highest precedence: stop and go home, in one batch of acts.
     fn became_low(&mut self, cause: LowCause, now: Instant) {
+        self.recharge.forget();
         self.end_motion(MotionEnd::Safety);
         self.dock_tracker.expect_charge(now);
         if let Some(battery) = self.battery() {
@@ -694,6 +714,9 @@ impl Watchdog {
         let Some(outcome) = active.docking.outcome() else {
             return;
         };
+        if self.recharge.is_docking() {
+            self.recharge_ended(outcome, now);
+        }
         // The watchdog's own docking has no callers: those wait for the way home.
         let by = active.callers.first().map(|caller| caller.by);
         self.dock_report = Some(DockReport { by, outcome });
@@ -733,7 +756,10 @@ impl Watchdog {
             self.end_motion(MotionEnd::Safety);
         }
         if let Some(battery) = self.battery() {
-            let reason = format!("battery at {}", battery.percent);
+            let reason = match battery.percent {
+                Some(percent) => format!("battery at {percent}"),
+                None => "the battery charges, at an unknown level".to_owned(),
+            };
             self.announce(SafetyAction::Release, reason);
             self.acts.push(Act::Announce(Event::BatteryOk(battery)));
         }
@@ -788,13 +814,14 @@ impl Watchdog {
                 format!("makes short blind move {number}, and searches from there")
             }
             AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            AfterFailure::DriveGrant(by) => {
-                let seconds = self.limits.rescue_time.get();
+            AfterFailure::DriveGrant { by, time: seconds } => {
                 let power = self.limits.rescue_power;
                 self.acts
                     .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
                 let seconds = seconds.as_secs_f64();
-                format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
+                format!(
+                    "a rescue behaviour may drive for {seconds:.0} s, then it searches from there"
+                )
             }
         }
     }
@@ -971,6 +998,110 @@ impl Watchdog {
         }
     }
 
+    // A station that no longer charges.
+
+    /// Whether nothing else is under way and nobody drives.
+    fn is_at_rest(&self) -> bool {
+        let free = self.online && self.guarded && !self.run_ending && !self.stopped_by_person;
+        let idle = self.docking.is_none() && self.homing.is_none() && self.leaving.is_none();
+        free && idle && !self.dock_tracker.is_leaving()
+    }
+
+    /// When the robot leaves its station to dock again, or searches again for the station that it has
+    /// left.
+    fn recharge_due(&self) -> Option<Instant> {
+        if !self.is_at_rest() {
+            None
+        } else if self.dock_state() == DockState::ContactReported {
+            let level = self.battery_monitor.level()?;
+            self.recharge.due(level, self.limits.low)
+        } else {
+            self.recharge.due_again()
+        }
+    }
+
+    fn check_recharge(&mut self, now: Instant) {
+        let driven = self.moving() && self.docking.is_none();
+        match self.dock_state() {
+            DockState::ContactReported if self.is_at_rest() => {
+                if let Some(level) = self.battery_monitor.level() {
+                    self.recharge.stand(level, self.limits.low, now);
+                }
+            }
+            DockState::ContactReported => {}
+            DockState::Charging if self.charging_here() == Charging::Confirmed => {
+                self.recharge.forget();
+            }
+            DockState::Charging => {}
+            DockState::Left(_) | DockState::Unknown => {
+                if driven || !self.recharge.is_away() {
+                    self.recharge.forget();
+                }
+            }
+        }
+        if self.recharge_due().is_some_and(|due| due <= now) {
+            self.dock_again(now);
+        }
+    }
+
+    /// Docks again, from the station or off it. Nothing of it is forced: a behaviour that wants to
+    /// drive ends it.
+    fn dock_again(&mut self, now: Instant) {
+        let limits = DockLimits {
+            plan: DockPlan {
+                timeout: self.limits.dock_timeout.get(),
+                retries: DockPlan::default().retries,
+                charge_timeout: self.limits.charge_timeout.get(),
+            },
+            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
+        };
+        let level = self.battery_monitor.level();
+        self.recharge.begin(level, self.limits.low);
+        if !self.docked() {
+            return self.start_docking(limits, false, vec![], now);
+        }
+        let at = level.map_or_else(String::new, |level| format!(", at {level}"));
+        let reason = format!("its station does not charge{at}: leaves it and docks again");
+        self.announce(SafetyAction::Dock, reason);
+        self.end_motion(MotionEnd::Docked);
+        self.tracks.want(Setpoint::STOP);
+        let (docking, actions) = Docking::leave(limits, now);
+        self.docking = Some(ActiveDocking {
+            docking,
+            forced: false,
+            callers: vec![],
+        });
+        self.execute_dock_actions(actions, now);
+    }
+
+    fn recharge_ended(&mut self, outcome: DockOutcome, now: Instant) {
+        let end = outcome.end;
+        match self.recharge.ended(end, now) {
+            AfterRecharge::Nothing => {}
+            AfterRecharge::Again(pause) => {
+                let seconds = pause.as_secs();
+                let reason = format!("docking again failed ({end}): tries again in {seconds} s");
+                self.announce(SafetyAction::Dock, reason);
+            }
+            AfterRecharge::Alarm => {
+                let place = if outcome.attempts == 0 {
+                    "it does not leave its station, which does not charge"
+                } else if self.docked() {
+                    "its station does not charge"
+                } else {
+                    "it does not get back onto its station, which did not charge"
+                };
+                self.announce(
+                    SafetyAction::Alarm,
+                    format!("docking again failed ({end}): {place}"),
+                );
+                for command in ALARM {
+                    self.send(command);
+                }
+            }
+        }
+    }
+
     // ENGINE.
 
     fn engine(&mut self, news: EngineReport, now: Instant) {
@@ -983,7 +1114,8 @@ impl Watchdog {
             }
             EngineReport::Undocked => self.undocked(now),
             EngineReport::BaseNotFound => self.search_ended(),
-            EngineReport::Charged | EngineReport::Unknown(_) => {}
+            EngineReport::Charged => self.battery_monitor.full(),
+            EngineReport::Unknown(_) => {}
         }
         if let Some(active) = &mut self.docking {
             let actions = active.docking.engine(news, now);
@@ -993,7 +1125,7 @@ impl Watchdog {
             self.search_at_once(now);
         }
         let change = match news {
-            EngineReport::Docked => self.battery_monitor.contact(),
+            EngineReport::Docked => self.battery_monitor.contact(now),
             _ => None,
         };
         self.apply_battery_change(change, now);
@@ -1001,7 +1133,7 @@ impl Watchdog {
 
     fn undocked(&mut self, now: Instant) {
         self.dock_tracker.undocked(now);
-        self.battery_monitor.undocked();
+        self.battery_monitor.undocked(now);
         self.battery_monitor.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);
@@ -1164,7 +1296,7 @@ impl Watchdog {
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
         let left =
             matches!(self.dock_state(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
-        let low = self.battery_monitor.low().is_some() || self.battery_monitor.at_or_below_low();
+        let low = self.battery_monitor.low().is_some() || !self.battery_monitor.may_leave();
         if !self.online {
             Some(DockEnd::Disconnected)
         } else if self.run_ending {
@@ -1192,6 +1324,8 @@ impl Watchdog {
             over.extend(homing.callers.extract_if(.., |caller| !stays(caller)));
         }
         match &mut self.docking {
+            // Nobody's but the watchdog's: only the end of the run ends it here.
+            Some(active) if active.callers.is_empty() && by.is_some() => {}
             Some(active) if !active.forced => {
                 if !active.callers.iter().any(stays) {
                     return self.end_docking(DockEnd::Cancelled, now);
@@ -1248,8 +1382,9 @@ impl Watchdog {
         let Some(active) = &mut self.docking else {
             return;
         };
+        let called = !active.callers.is_empty();
         active.callers.retain(|caller| caller.by != by);
-        if active.callers.is_empty() && !active.forced {
+        if called && active.callers.is_empty() && !active.forced {
             let actions = active.docking.cancel(DockEnd::Cancelled, now);
             self.execute_dock_actions(actions, now);
         }

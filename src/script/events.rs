@@ -39,6 +39,7 @@ impl EventName {
             Event::Engine { .. } => EventName::Engine,
             Event::Moving { .. }
             | Event::Sounding
+            | Event::MotionWaiting { .. }
             | Event::MotionEnded { .. }
             | Event::DockEnded { .. }
             | Event::UndockEnded { .. } => {

@@ -1,5 +1,7 @@
 //! The script's current setpoint, as far as the script knows, and its owner.
 
+use std::time::Duration;
+
 use tokio::time::Instant;
 
 use super::task::{SubscriptionId, TaskId};
@@ -15,12 +17,23 @@ pub(super) enum Owner {
     Lines,
 }
 
+/// How a setpoint ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Timing {
+    /// By another call.
+    Open,
+    /// After a time; then the tracks run on for a while.
+    Timed { runs_on: Duration },
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Current {
     motion: MotionId,
     owner: Owner,
     setpoint: Setpoint,
-    timed: bool,
+    timing: Timing,
+    /// It waits until the robot's queue has room for it.
+    waits: bool,
     since: Instant,
 }
 
@@ -35,7 +48,7 @@ impl Motion {
         &mut self,
         owner: Owner,
         setpoint: Setpoint,
-        timed: bool,
+        timing: Timing,
         now: Instant,
     ) -> MotionId {
         self.last += 1;
@@ -44,7 +57,8 @@ impl Motion {
             motion,
             owner,
             setpoint,
-            timed,
+            timing,
+            waits: false,
             since: now,
         });
         motion
@@ -54,7 +68,7 @@ impl Motion {
     /// owner.
     pub(super) fn is_set(&self, owner: Owner, setpoint: Setpoint) -> bool {
         self.current.is_some_and(|current| {
-            current.owner == owner && current.setpoint == setpoint && !current.timed
+            current.owner == owner && current.setpoint == setpoint && current.timing == Timing::Open
         })
     }
 
@@ -71,10 +85,24 @@ impl Motion {
         self.current.take().map(|current| current.motion)
     }
 
-    /// Records that the robot side has ended a motion.
-    pub(super) fn ended(&mut self, motion: MotionId) {
-        if self.current() == Some(motion) {
-            self.current = None;
+    /// Records that a motion waits for the robot's queue, or that it has begun.
+    pub(super) fn set_waiting(&mut self, motion: MotionId, waits: bool, now: Instant) {
+        if let Some(current) = &mut self.current
+            && current.motion == motion
+        {
+            current.waits = waits;
+            current.since = now;
+        }
+    }
+
+    /// Records that the robot side has ended a motion. Returns how long the tracks run on.
+    pub(super) fn ended(&mut self, motion: MotionId) -> Duration {
+        match self.current.take_if(|current| current.motion == motion) {
+            Some(Current {
+                timing: Timing::Timed { runs_on },
+                ..
+            }) => runs_on,
+            _ => Duration::ZERO,
         }
     }
 
@@ -82,18 +110,26 @@ impl Motion {
         self.current.map(|current| current.motion)
     }
 
-    pub(super) fn setpoint(&self) -> Option<Setpoint> {
-        self.current.map(|current| current.setpoint)
+    /// The setpoint of the current motion, unless it waits for the robot's queue.
+    pub(super) fn begun(&self) -> Option<Setpoint> {
+        let current = self.current.filter(|current| !current.waits)?;
+        Some(current.setpoint)
     }
 
     /// The current motion if it has a time limit, and since when it is active.
     pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
-        let current = self.current.filter(|current| current.timed)?;
+        let current = self
+            .current
+            .filter(|current| current.timing != Timing::Open && !current.waits)?;
         Some((current.motion, current.setpoint, current.since))
     }
 
+    /// Whether the current motion waits for the robot's queue.
+    pub(super) fn waits(&self) -> bool {
+        self.current.is_some_and(|current| current.waits)
+    }
+
     pub(super) fn is_on(&self) -> bool {
-        self.current
-            .is_some_and(|current| !current.setpoint.is_stop())
+        self.begun().is_some_and(|setpoint| !setpoint.is_stop())
     }
 }

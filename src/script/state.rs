@@ -185,7 +185,8 @@ impl State {
 
     /// The source of the robot's motion, as far as the script knows.
     fn driver(&self) -> Driver {
-        match self.motion.setpoint() {
+        match self.motion.begun() {
+            _ if self.motion.waits() => Driver::None,
             Some(setpoint) if !setpoint.is_stop() => {
                 Driver::Script(self.options.calibration.drive(setpoint))
             }
@@ -345,9 +346,16 @@ impl State {
             self.last_sounded = Some(self.now);
         }
         match event {
+            Event::MotionWaiting { motion, on } => {
+                self.motion.set_waiting(motion, on, self.now);
+            }
             Event::MotionEnded { motion, end } => {
-                self.motion.ended(motion);
-                self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
+                let runs_on = self.motion.ended(motion);
+                if end == MotionEnd::Done && !runs_on.is_zero() {
+                    self.await_standing(motion, self.now + runs_on);
+                } else {
+                    self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
+                }
             }
             Event::DockEnded {
                 call,
@@ -434,6 +442,13 @@ impl State {
     }
 
     /// Wakes the tasks that wait for exactly this.
+    /// Answers the tasks that wait for this motion when the tracks stand.
+    fn await_standing(&mut self, motion: MotionId, until: Instant) {
+        for id in self.tasks.waiting_for(|wait| *wait == Wait::Motion(motion)) {
+            self.tasks.wait(id, Wait::Standing, Some(until));
+        }
+    }
+
     pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);
@@ -534,6 +549,7 @@ impl State {
                 Wakeup::Refused("timeout")
             }
             Wait::Module(_) => Wakeup::Again,
+            Wait::Standing => Wakeup::Motion(MotionEnd::Done),
             Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
                 Wakeup::Refused("timeout")
             }

@@ -79,6 +79,8 @@ pub(super) enum Wait {
     },
     Event(EventName),
     Motion(MotionId),
+    /// Waits until the tracks stand after a motion that is done.
+    Standing,
     Dock(CallId),
     Undock(CallId),
     Join(TaskId),

@@ -79,9 +79,9 @@ impl Robot {
             docking: Docking::new(firmware.search_limit),
             track_slip: TrackSlip::new(world.tracks, seed),
             chassis: Chassis::new(pose),
-            contacts: Contacts::new(touching),
+            contacts: Contacts::new(touching, firmware.charger_hours),
             battery,
-            power: PowerReports::new(firmware.power_late),
+            power: PowerReports::new(firmware.power_late, firmware.power_while_charging, seed),
             leds: Leds::default(),
             speaker: Speaker::new(firmware.music),
             streams: Streams::default(),
@@ -160,6 +160,7 @@ impl Robot {
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
         self.drive(dt);
+        self.contacts.step(dt);
         self.update_contacts();
         let places = self.environment.places();
         let balls = self.environment.world.balls.len();
@@ -355,8 +356,8 @@ impl Robot {
 
     fn send_power(&mut self) {
         let power = self.power.level(self.battery.power());
-        self.power.sent(power, self.firmware.power_period);
-        self.reports.push(Report::Power(power));
+        let said = self.power.send(power, self.firmware.power_period);
+        self.reports.push(Report::Power(said));
     }
 
     fn report_engine(&mut self, report: EngineReport) {

@@ -15,7 +15,7 @@ mod yaml;
 
 pub use body::Robot;
 pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
-pub use body::firmware::{Firmware, FirmwareBehaviour};
+pub use body::firmware::{Firmware, FirmwareBehaviour, PowerWhileCharging};
 pub use body::state::{Leds, State, Streams};
 pub use body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 pub use camera::view::{HEIGHT, WIDTH};

@@ -30,7 +30,7 @@ pub enum Report {
     Engine(EngineReport),
     /// LOG: text of the robot's log.
     Log(Bytes),
-    /// A type, a length or a battery level that the protocol does not define; also MUTE and NONE.
+    /// A type or a length that the protocol does not define; also MUTE and NONE.
     Unknown(Packet),
 }
 
@@ -61,15 +61,14 @@ impl Report {
         out.freeze()
     }
 
-    /// Decodes a packet. A payload too short for its type and a battery level beyond 100 % give
-    /// [`Report::Unknown`]; bytes beyond what a type needs are ignored.
+    /// Decodes a packet. A payload too short for its type gives [`Report::Unknown`]; bytes beyond what
+    /// a type needs are ignored.
     pub fn parse(packet: Packet) -> Report {
         let payload = &packet.payload;
         match (packet.kind, &payload[..]) {
             (kind::AUDIO, _) => Report::Audio(payload.clone()),
             (kind::VIDEO, _) => Report::Video(payload.clone()),
-            (kind::POWER, &[level, ..]) => Power::from_byte(level)
-                .map_or_else(|| Report::Unknown(packet.clone()), Report::Power),
+            (kind::POWER, &[byte, ..]) => Report::Power(Power::from_byte(byte)),
             (kind::STOP, _) => Report::SoundFinished,
             (kind::AUTH_REPLY, &[0, ..]) => Report::Refused(Refusal::parse(&payload[1..])),
             (kind::AUTH_REPLY, &[_, ref rest @ ..]) => Accepted::parse(rest)
@@ -105,33 +104,38 @@ impl fmt::Debug for Report {
 /// The battery (`PROTOCOL.md`, POWER): one signed byte, negative while charging.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Power {
-    /// 0..=100 percent.
+    /// The number without its sign, 0..=128. Beyond 100 it is no level: see [`Power::level`].
     pub percent: u8,
     /// Charging. At a level of 0 the wire format cannot express this.
     pub charging: bool,
 }
 
 impl Power {
-    /// Decodes the byte; `None` for undefined levels beyond 100.
-    pub fn from_byte(byte: u8) -> Option<Power> {
-        let level = i8::from_be_bytes([byte]);
-        let percent = level.unsigned_abs();
-        if percent > 100 {
-            return None;
+    /// The level, 0..=100 percent; `None` if the report has none, as may happen while the robot
+    /// charges.
+    pub fn level(self) -> Option<u8> {
+        if self.percent <= 100 {
+            Some(self.percent)
+        } else {
+            None
         }
-        Some(Power {
-            percent,
-            charging: level < 0,
-        })
     }
 
-    /// The byte on the wire.
+    /// Decodes the byte.
+    pub fn from_byte(byte: u8) -> Power {
+        let level = i8::from_be_bytes([byte]);
+        Power {
+            percent: level.unsigned_abs(),
+            charging: level < 0,
+        }
+    }
+
+    /// The byte on the wire; a number that it cannot hold becomes the nearest.
     pub fn to_byte(self) -> u8 {
-        let level = self.percent.min(100);
         if self.charging {
-            level.wrapping_neg()
+            self.percent.min(128).wrapping_neg()
         } else {
-            level
+            self.percent.min(127)
         }
     }
 }
@@ -369,18 +373,17 @@ mod tests {
     }
 
     #[test]
-    fn levels_up_to_a_hundred_are_parsed_and_levels_beyond_are_unknown() {
+    fn every_power_is_parsed_and_beyond_a_hundred_it_has_no_level() {
         for byte in 0..=u8::MAX {
-            let level = i16::from(i8::from_be_bytes([byte]));
-            let packet = Packet::new(kind::POWER, vec![byte]);
-            let expected = match level.abs() {
-                0..=100 => Report::Power(Power {
-                    percent: level.unsigned_abs() as u8,
-                    charging: level < 0,
-                }),
-                _ => Report::Unknown(packet.clone()),
+            let number = i16::from(i8::from_be_bytes([byte]));
+            let power = Power {
+                percent: number.unsigned_abs() as u8,
+                charging: number < 0,
             };
-            assert_eq!(Report::parse(packet), expected, "{level}");
+            let parsed = Report::parse(Packet::new(kind::POWER, vec![byte]));
+            assert_eq!(parsed, Report::Power(power), "{number}");
+            assert_eq!(power.to_byte(), byte);
+            assert_eq!(power.level().is_some(), (-100..=100).contains(&number));
         }
     }
 

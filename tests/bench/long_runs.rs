@@ -23,7 +23,7 @@ mod mqtt;
 #[allow(dead_code)]
 mod rig;
 
-use long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
+use long_runs::rescue::{Case, Name, Row, Strategy, heading, play_all};
 use long_runs::soak::Ledger;
 use long_runs::stops::breaks::{self, End, Outage, Outcome};
 use long_runs::stops::queue::{self, Driver};
@@ -260,12 +260,10 @@ fn run_rescue(args: &RescueArgs) -> bool {
     };
     let strategies = args.strategy.map_or(all.to_vec(), |one| vec![one]);
     let mut rows = Vec::new();
-    for place in worlds.into_iter().map(Place::named) {
-        rows.extend(
-            strategies
-                .iter()
-                .map(|strategy| row(args, &place, *strategy)),
-        );
+    for world in worlds {
+        let cases = Case::draw(world, args.starts as usize, args.driven, args.seed);
+        let row = |strategy: &Strategy| row(args, world, &cases, *strategy);
+        rows.extend(strategies.iter().map(row));
     }
     println!("\n{}", heading());
     rows.iter().for_each(|row| println!("{row}"));
@@ -279,28 +277,23 @@ fn run_rescue(args: &RescueArgs) -> bool {
     missed.is_empty()
 }
 
-fn row(args: &RescueArgs, place: &Place, strategy: Strategy) -> Row {
-    let count = args.starts as usize;
-    let starts = match args.driven {
-        true => place.drives(count, args.seed),
-        false => place.starts(count, args.seed),
-    };
+fn row(args: &RescueArgs, world: Name, cases: &[Case], strategy: Strategy) -> Row {
     let cores = || available_parallelism().map_or(1, usize::from);
     let threads = args.jobs.map_or_else(cores, usize::from);
-    let what = format!("{}, {}", place.name.text(), strategy.text());
+    let what = format!("{}, {}", world.text(), strategy.text());
     let began = Instant::now();
     let report_progress = |done: usize| {
-        if done.is_multiple_of(PROGRESS_EVERY) || done == count {
+        if done.is_multiple_of(PROGRESS_EVERY) || done == cases.len() {
             let seconds = began.elapsed().as_secs_f64();
-            eprintln!("{what}: {done} of {count} done, {seconds:.0} s");
+            eprintln!("{what}: {done} of {} done, {seconds:.0} s", cases.len());
         }
     };
-    let played = play_all(place, strategy, &starts, threads, &report_progress);
+    let played = play_all(cases, strategy, threads, &report_progress);
     if args.list {
         println!("{what}");
         played.iter().for_each(|one| println!("  {one}"));
     }
-    Row::new(place.name, strategy, &played)
+    Row::new(world, strategy, &played)
 }
 
 fn run_explore(args: &ExploreArgs) -> bool {

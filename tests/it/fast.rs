@@ -10,6 +10,7 @@ use spykee::robot::{EndReason, Priority};
 use spykee::script;
 use spykee::sim::World;
 use spykee::simulation::{self, Event, EventKind, Recorder, Simulation};
+use spykee::wire::Command;
 use tokio::time::timeout;
 
 use crate::long_runs;
@@ -176,6 +177,83 @@ fn one_robot_serves_several_runs_in_turn() {
         }
     })
     .unwrap();
+}
+
+/// How many short moves.
+const SHORT_MOVES: usize = 24;
+/// Metres that a track covers in a second of a short move.
+const SHORT_MOVE_SPEED: f64 = 0.225;
+
+/// Twelve times a short move and a turn: what the robot does.
+fn driven_in_short_moves(commands_per_second: Option<f64>) -> Driven {
+    let (mut options, _) = options(4);
+    options.sim.firmware.commands_per_second = commands_per_second;
+    let drives = "for _ = 1, 12 do robot.forward(0.1) robot.turn(math.pi / 6) end";
+    simulation::run(quiet_world(), options, async |simulation: &Simulation| {
+        let run = simulation.start(vec![behaviour("drives", drives, 0, 4)], None);
+        let outcome = run.outcome().await.unwrap();
+        assert_eq!(outcome.exits[0].1.reason, EndReason::Done);
+        let heard = simulation.sim().heard_since(0);
+        let setpoints = heard.iter().filter_map(|heard| match heard.command {
+            Command::Move { left, right } => Some((left, right)),
+            _ => None,
+        });
+        let mut setpoints: Vec<(i8, i8)> = setpoints.collect();
+        setpoints.dedup();
+        Driven {
+            metres: simulation.sim().state().distance,
+            moves: setpoints
+                .iter()
+                .filter(|setpoint| **setpoint != (0, 0))
+                .count(),
+        }
+    })
+    .unwrap()
+}
+
+#[test]
+fn a_square_with_and_without_pauses_closes() {
+    for pause in ["", "task.wait(1)"] {
+        let (options, _) = options(4);
+        let drives = format!(
+            "for _ = 1, 4 do robot.forward(0.5) {pause} robot.turn(math.pi / 2) {pause} end"
+        );
+        let pose = simulation::run(quiet_world(), options, async |simulation: &Simulation| {
+            let run = simulation.start(vec![behaviour("drives", &drives, 0, 4)], None);
+            run.outcome().await.unwrap();
+            simulation.sim().state().pose
+        })
+        .unwrap();
+        let off = (pose.x - 4.0).hypot(pose.y - 4.0);
+        let turned = (pose.heading.to_degrees() - 90.0).abs();
+        assert!(off < 0.1 && turned < 5.0, "{pose:?} with '{pause}'");
+    }
+}
+
+struct Driven {
+    metres: f64,
+    moves: usize,
+}
+
+#[test]
+fn a_robot_that_executes_slowly_executes_each_short_move_for_its_time() {
+    let usual = driven_in_short_moves(None);
+    for rate in [3.0, 5.0, 10.0] {
+        let slow = driven_in_short_moves(Some(rate));
+        assert!(
+            slow.moves >= SHORT_MOVES,
+            "{} moves at {rate} a second",
+            slow.moves
+        );
+        // A stop is executed at most one message later.
+        let most = usual.metres + SHORT_MOVES as f64 * SHORT_MOVE_SPEED / rate;
+        assert!(
+            (0.8 * usual.metres..most).contains(&slow.metres),
+            "{} instead of {} m at {rate} a second",
+            slow.metres,
+            usual.metres
+        );
+    }
 }
 
 async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {

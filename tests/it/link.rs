@@ -118,14 +118,13 @@ async fn nothing_is_sent_before_power_and_the_first_command_is_a_stop() {
     assert_eq!(robot.read(&mut byte).await.unwrap(), 0);
 }
 
-#[tokio::test(start_paused = true)]
-async fn a_level_above_a_hundred_is_ignored_and_the_login_waits_for_a_valid_one() {
-    for garbage in [101u8, 127, 128, 155] {
-        let power = [&[0x50, 0x4B, 3, 0, 1, garbage][..], POWER_80].concat();
+#[tokio::test]
+async fn a_number_beyond_a_hundred_is_no_level_and_the_login_succeeds() {
+    for byte in [110i8, 127, -110, -128] {
+        let power = [0x50, 0x4B, 3, 0, 1, byte.cast_unsigned()];
         let (session, _robot) = open_to(&[ACCEPTED, &power].concat(), &Options::default()).await;
-        let session = session.unwrap();
-        assert_eq!(session.power.percent, 80);
-        assert!(matches!(session.early[..], [Report::Unknown(_)]));
+        let power = session.unwrap().power;
+        assert_eq!((power.level(), power.charging), (None, byte < 0));
     }
 }
 

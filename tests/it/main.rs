@@ -4,6 +4,7 @@
 mod behaviours;
 mod bus;
 mod calibrate;
+mod charger;
 mod check;
 mod cli;
 mod clock;
@@ -15,8 +16,6 @@ mod doctor;
 mod fast;
 mod faults;
 mod firmware;
-#[path = "../worlds/mod.rs"]
-mod flats;
 mod frames;
 mod genuine;
 mod guardian;

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use spykee::safety::{Limits, Rescue};
@@ -11,8 +12,7 @@ use spykee::simulation::{self, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs::explore::explore;
-use crate::long_runs::rescue::Start;
-use crate::long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
+use crate::long_runs::rescue::{Case, Name, Place, Row, Start, Strategy, heading, play_all};
 use crate::long_runs::soak::{self, Ledger, soak};
 use crate::long_runs::stops::breaks::{self, End, Outage};
 use crate::long_runs::stops::queue::{self, Driver, Stopper, Trial};
@@ -104,15 +104,15 @@ fn days_of_a_service_with_faults() {
 /// the rescue works at all.
 #[test]
 fn low_robots_in_the_next_room_come_home_without_help_from_their_behaviour() {
-    let place = Place::named(Name::LivingRoom);
+    let place = Place::new(Name::LivingRoom, 1);
     let starts = place.starts(sized(3, 6), 1);
-    expect_home(&place, &starts, sized(2, 3));
+    expect_home(place, &starts, sized(2, 3));
 }
 
 /// Between two walls and a post; from there the floor beside the post looks free.
 #[test]
 fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
-    let place = Place::named(Name::TightSpots);
+    let place = Place::new(Name::TightSpots, 1);
     let starts: Vec<Start> = (0..8u8)
         .step_by(sized(4, 1))
         .map(|eighth| Start {
@@ -123,13 +123,22 @@ fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
             drives: None,
         })
         .collect();
-    expect_home(&place, &starts, sized(1, 7));
+    expect_home(place, &starts, sized(1, 7));
 }
 
-fn expect_home(place: &Place, starts: &[Start], least: usize) {
-    let played = play_all(place, Strategy::Builtin, starts, 2, &|_| ());
+fn expect_home(place: Place, starts: &[Start], least: usize) {
+    let name = place.name;
+    let place = Arc::new(place);
+    let cases: Vec<Case> = starts
+        .iter()
+        .map(|start| Case {
+            place: place.clone(),
+            start: *start,
+        })
+        .collect();
+    let played = play_all(&cases, Strategy::Builtin, 2, &|_| ());
     let lines: Vec<String> = played.iter().map(ToString::to_string).collect();
-    let row = Row::new(place.name, Strategy::Builtin, &played);
+    let row = Row::new(name, Strategy::Builtin, &played);
     let table = format!("{}\n{row}\n{}", heading(), lines.join("\n"));
     assert!(row.home >= least, "{table}");
 }

@@ -6,7 +6,7 @@ use spykee::sim::{Firmware, Pose, Robot, StationDistances, TraceEventKind, World
 use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
-use crate::flats::flat;
+use crate::long_runs::flats::flat;
 use crate::rig::{assert_contains, command, run_in};
 
 const STEP: Duration = Duration::from_millis(20);

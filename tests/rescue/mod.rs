@@ -16,6 +16,7 @@ use spykee::simulation::{Event, EventKind, Recorder, Simulation};
 use spykee::{script, simulation};
 use tokio::time::{sleep, timeout};
 
+use super::flats::flat;
 use super::{behaviour, in_parallel, two_rooms};
 
 const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");
@@ -39,14 +40,17 @@ pub enum Name {
     Gallery,
     /// In the living room, but right beside a wall or a thing.
     TightSpots,
+    /// Each robot in another flat, generated from a seed.
+    Flats,
 }
 
 impl Name {
-    pub const ALL: [Name; 4] = [
+    pub const ALL: [Name; 5] = [
         Name::LivingRoom,
         Name::Classroom,
         Name::Gallery,
         Name::TightSpots,
+        Name::Flats,
     ];
 
     pub fn text(self) -> &'static str {
@@ -55,6 +59,7 @@ impl Name {
             Name::Classroom => "classroom",
             Name::Gallery => "gallery",
             Name::TightSpots => "tight spots",
+            Name::Flats => "flats",
         }
     }
 
@@ -89,20 +94,21 @@ pub struct Place {
 
 impl Place {
     /// In the living room robots start in the second room, in tight spots beside a wall or a thing, and
-    /// elsewhere in the third of the floor that is farthest from the station.
-    pub fn named(name: Name) -> Place {
+    /// elsewhere in the third of the floor that is farthest from the station. `seed` is that of the flat.
+    pub fn new(name: Name, seed: u64) -> Place {
         let read = |text| World::from_yaml(text, name.text()).unwrap();
         let mut world = match name {
             Name::LivingRoom | Name::TightSpots => two_rooms(),
             Name::Classroom => read(CLASSROOM),
             Name::Gallery => read(GALLERY),
+            Name::Flats => flat(seed).world,
         };
         world.battery = two_rooms().battery;
         let distances = StationDistances::new(&world);
         let (least_x, least_way) = match name {
             Name::LivingRoom => (SECOND_ROOM, 0.0),
             Name::TightSpots => (0.0, TIGHT_WAY),
-            Name::Classroom | Name::Gallery => (0.0, last_third(&distances)),
+            Name::Classroom | Name::Gallery | Name::Flats => (0.0, last_third(&distances)),
         };
         Place {
             name,
@@ -188,6 +194,42 @@ fn last_third(distances: &StationDistances) -> f64 {
     lengths[lengths.len() * 2 / 3]
 }
 
+/// A robot to be rescued.
+pub struct Case {
+    pub place: Arc<Place>,
+    pub start: Start,
+}
+
+impl Case {
+    /// So many robots, the same for the same seed.
+    pub fn draw(name: Name, count: usize, driven: bool, seed: u64) -> Vec<Case> {
+        let starts = |place: &Place, count, seed| {
+            if driven {
+                place.drives(count, seed)
+            } else {
+                place.starts(count, seed)
+            }
+        };
+        if name == Name::Flats {
+            return (seed..seed + count as u64)
+                .map(|seed| Arc::new(Place::new(name, seed)))
+                .zip(seed..)
+                .map(|(place, seed)| {
+                    let start = starts(&place, 1, seed)[0];
+                    Case { place, start }
+                })
+                .collect();
+        }
+        let place = Arc::new(Place::new(name, seed));
+        let starts = starts(&place, count, seed).into_iter();
+        let case = |start| Case {
+            place: place.clone(),
+            start,
+        };
+        starts.map(case).collect()
+    }
+}
+
 const WANDER: &str = include_str!("wander.lua");
 
 /// Long after every battery is flat, in virtual time.
@@ -234,7 +276,9 @@ pub struct Played {
 }
 
 /// Plays one start.
-fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
+fn play(case: &Case, strategy: Strategy) -> Played {
+    let place = &case.place;
+    let mut start = case.start;
     let efforts = Arc::new(Mutex::new(Efforts::default()));
     let count = efforts.clone();
     let options = simulation::Options {
@@ -305,17 +349,16 @@ async fn drive_away(
     timeout(LONGEST_DRIVE, wander).await.ok()
 }
 
-/// Plays all starts on so many threads; `told` hears each time how many are done.
+/// Plays all cases on so many threads; `told` hears each time how many are done.
 pub fn play_all(
-    place: &Place,
+    cases: &[Case],
     strategy: Strategy,
-    starts: &[Start],
     threads: usize,
     told: &(dyn Fn(usize) + Sync),
 ) -> Vec<Played> {
     let done = AtomicUsize::new(0);
-    in_parallel(starts, threads, |start| {
-        let played = play(place, strategy, *start);
+    in_parallel(cases, threads, |case| {
+        let played = play(case, strategy);
         told(done.fetch_add(1, Ordering::Relaxed) + 1);
         played
     })

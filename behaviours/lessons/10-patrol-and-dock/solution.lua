@@ -22,7 +22,7 @@ end
 
 local function charge()
 	local battery = robot.battery()
-	while battery and battery.percent < 60 do
+	while battery and (battery.percent or 0) < 60 do
 		task.wait(5)
 		battery = robot.battery()
 	end

@@ -14,6 +14,7 @@ use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
 use crate::link::{self, Executes, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
+use crate::robot::Battery;
 use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
 
@@ -186,10 +187,11 @@ async fn check_reachable(target: &Target, limit: Duration) -> CheckResult {
 }
 
 fn battery(session: &Session, config: &Config) -> CheckResult {
-    let power = session.power;
-    let charging = if power.charging { ", charging" } else { "" };
-    let found = format!("{} %{charging}", power.percent);
-    if power.charging || power.percent > config.watchdog.low.get() {
+    let battery = Battery::reported(session.power);
+    let charging = if battery.charging { ", charging" } else { "" };
+    let found = format!("{}{charging}", battery.level());
+    let low = |percent| percent <= config.watchdog.low;
+    if battery.charging || !battery.percent.is_some_and(low) {
         return CheckResult::ok("battery", found);
     }
     let help = "too low to drive: put the robot on its station";

@@ -8,12 +8,12 @@ local SPEED = 0.25 -- metres per second
 local ENOUGH = 60 -- percent: it leaves its station at this battery level
 
 robot.on("battery_low", function(battery)
-	log.warn(`{battery.percent} % left: the watchdog takes me home`)
+	log.warn(`{battery.percent or "?"} % left: the watchdog takes me home`)
 end)
 
 local function has_enough()
 	local battery = robot.battery()
-	return battery and battery.percent >= ENOUGH
+	return battery and (battery.percent or 100) >= ENOUGH -- nil: not known
 end
 
 -- On its station it cannot drive: it charges, backs out and turns away from the station.
@@ -21,7 +21,10 @@ local function leave_station()
 	while not has_enough() do
 		robot.wait_for("battery", 60)
 	end
-	if robot.undock() then
+	local out, why = robot.undock()
+	if why == "safety" then
+		robot.wait_for("battery", 60) -- the watchdog wants it to charge longer
+	elseif out then
 		robot.turn(math.pi)
 	end
 end

@@ -101,7 +101,7 @@ pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
 
 fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
     let text = if as_json {
-        let battery = facts.battery.map(|battery| battery.percent.get());
+        let battery = facts.battery.and_then(|battery| battery.percent);
         let charging = facts.battery.map(|battery| battery.charging);
         let object = json!({
             "uid": facts.uid, "name": facts.name, "third_name": facts.third_name,
@@ -142,7 +142,7 @@ pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
 fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
     if as_json {
         let object = json!({
-            "percent": battery.percent.get(), "charging": battery.charging,
+            "percent": battery.percent, "charging": battery.charging,
             "minutes_left": battery.minutes_left,
         });
         print(&format!("{object}\n"))?;

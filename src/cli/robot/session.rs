@@ -14,7 +14,7 @@ use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
-use crate::robot::Streams;
+use crate::robot::{Battery, Streams};
 use crate::safety::{Act, Fact, Watchdog};
 use crate::wire::{Command, Report};
 
@@ -101,9 +101,9 @@ pub(in crate::cli) async fn send_home_if_low(
         .set_last_words(watchdog.last_words().commands());
     session.writer.write(&commands).await?;
     if watchdog.low().is_some() && !watchdog.docked() {
-        let percent = power.percent;
+        let level = Battery::reported(power).level();
         tracing::warn!(
-            "the battery is low ({percent} %): the robot was told to search for its station; \
+            "the battery is low ({level}): the robot was told to search for its station; \
              `spykee robot dock` waits until it is there"
         );
     }

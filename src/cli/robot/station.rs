@@ -154,7 +154,8 @@ fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
         DockEnd::Safety => (
             Exit::Safety,
             "the watchdog does not allow it".to_owned(),
-            "is the battery low? `spykee robot battery` shows its level",
+            "is the battery low? `spykee robot battery` shows its level. A robot whose level is not known \
+             may leave its station after an hour in the same run",
         ),
         DockEnd::Disconnected => (
             Exit::Unreachable,

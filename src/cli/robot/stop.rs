@@ -21,7 +21,7 @@ use crate::guardian;
 use crate::journal::{Journal, JournalReader, RunInfo};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
-use crate::robot::{AgentEvent, Bus, StopConfirmation, StopKept};
+use crate::robot::{AgentEvent, Battery, Bus, StopConfirmation, StopKept};
 use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
@@ -308,9 +308,9 @@ async fn try_stop(
     let power = session.power;
     watchdog.handle(Fact::LinkUp { docked, power }, Instant::now());
     if watchdog.low().is_some() && !watchdog.docked() {
-        let percent = power.percent;
+        let level = Battery::reported(power).level();
         tracing::warn!(
-            "the battery is low ({percent} %): `spykee robot dock` sends the robot to its station"
+            "the battery is low ({level}): `spykee robot dock` sends the robot to its station"
         );
     }
     Ok(Some(

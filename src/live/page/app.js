@@ -112,7 +112,7 @@ function build(app, visitor) {
   });
   connection.on("state", (now) => {
     say(title, now.robot?.name ?? "spykee");
-    document.title = `${visible(now.robot?.name ?? "spykee")} · ${now.battery ? `${now.battery.percent} %` : ""}`;
+    document.title = `${visible(now.robot?.name ?? "spykee")} · ${typeof now.battery?.percent === "number" ? `${now.battery.percent} %` : ""}`;
     last = now;
     const facts = [
       now.link === "up" ? t(`dock_state_${now.dock_state}`) : null,

@@ -23,17 +23,18 @@ export function battery(connection) {
   function draw() {
     const now = Date.now() / 1000;
     points = points.filter((point, index) => index > points.length - 900);
+    const known = points.filter((point) => point.percent !== null);
     const first = Math.max(SPAN, now - (points[0]?.at ?? now));
     const x = (at) => (WIDTH * (1 - (now - at) / first)).toFixed(1);
     const y = (level) => (HEIGHT * (1 - level / 100)).toFixed(1);
-    const last = points.at(-1);
+    const last = known.at(-1);
     if (!last) {
       return;
     }
-    const steps = points.map((point) => `${x(point.at)} ${y(point.percent)}`);
+    const steps = known.map((point) => `${x(point.at)} ${y(point.percent)}`);
     steps.push(`${WIDTH} ${y(last.percent)}`);
     line.setAttribute("d", `M${steps.join("L")}`);
-    area.setAttribute("d", `M${x(points[0].at)} ${HEIGHT}L${steps.join("L")}L${WIDTH} ${HEIGHT}Z`);
+    area.setAttribute("d", `M${x(known[0].at)} ${HEIGHT}L${steps.join("L")}L${WIDTH} ${HEIGHT}Z`);
     const minutes = Math.round(first / 60);
     plot.setAttribute("aria-label", t("battery_plot", { minutes, percent: last.percent }));
     say(span, `−${minutes} min`);
@@ -49,9 +50,11 @@ export function battery(connection) {
     if (!level) {
       return;
     }
-    say(percent, `${level.percent} %`);
+    say(percent, level.percent === null ? "?" : `${level.percent} %`);
     const left = level.minutes_left === null ? "" : t("minutes_left", { minutes: level.minutes_left });
-    say(words, level.charging ? t("charging") : left);
+    const unknown = level.charging ? t("charging_unknown") : t("level_unknown");
+    const known = level.charging ? t("charging") : left;
+    say(words, level.percent === null ? unknown : known);
     const last = points.at(-1);
     const now = Date.now() / 1000;
     if (!last || last.percent !== level.percent || now - last.at > 15) {

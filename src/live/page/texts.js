@@ -79,6 +79,8 @@ const TEXTS = {
   battery: ["Battery", "Akku", "Batteria"],
   charging: ["charging", "lädt", "in carica"],
   minutes_left: ["about {minutes} minutes left", "noch etwa {minutes} Minuten", "ancora circa {minutes} minuti"],
+  charging_unknown: ["charging, level unknown", "lädt, Stand unbekannt", "in carica, livello ignoto"],
+  level_unknown: ["level unknown", "Stand unbekannt", "livello ignoto"],
   battery_unknown: ["not known yet", "noch unbekannt", "non ancora nota"],
   battery_plot: ["Battery level over the last {minutes} minutes, now {percent} percent", "Akkustand der letzten {minutes} Minuten, jetzt {percent} Prozent", "Livello della batteria negli ultimi {minutes} minuti, ora {percent} per cento"],
 

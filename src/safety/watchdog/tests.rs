@@ -6,6 +6,7 @@ mod docking;
 mod handover;
 mod histories;
 mod link;
+mod recharge;
 mod recovery;
 
 use std::time::Duration;

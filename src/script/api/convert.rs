@@ -14,7 +14,7 @@ use super::super::state::CANCELLED;
 use super::super::task::{Status, Wakeup};
 use super::{frame, of_row};
 use crate::api;
-use crate::robot::{Battery, DockEnd, Event, MotionEnd};
+use crate::robot::{Battery, DockEnd, Event, MotionEnd, Percent};
 
 const MAX_DEPTH: u32 = 3;
 /// Largest number of values in one text.
@@ -152,7 +152,7 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
 
 pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaResult<LuaTable> {
     let table = lua.create_table_with_capacity(0, 4)?;
-    table.raw_set("percent", battery.percent.get())?;
+    table.raw_set("percent", battery.percent.map(Percent::get))?;
     table.raw_set("charging", battery.charging)?;
     table.raw_set("age", age.as_secs_f64())?;
     table.raw_set("minutes_left", battery.minutes_left)?;

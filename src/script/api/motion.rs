@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use super::super::motion::Timing;
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
@@ -25,6 +26,10 @@ pub(super) const CALLS: &Natives = &[
 /// Default speed of `forward` and `turn`, as a share of full speed.
 const USUAL: f64 = 0.5;
 
+/// Deceleration that is assumed of a track when it stops, in metres per second squared. That of a
+/// real robot was not measured.
+const DECELERATION: f64 = 1.5;
+
 /// Speeds of the tracks, in metres per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tracks {
@@ -42,11 +47,15 @@ impl Tracks {
         }
     }
 
+    /// The speed of the faster track.
+    fn fastest(self) -> f64 {
+        self.left.abs().max(self.right.abs())
+    }
+
     /// The setpoint in percent of power, and the factor by which both tracks were slowed so that
     /// neither exceeds full power; the curve stays the same.
     fn setpoint(self, calibration: Calibration) -> (Option<Setpoint>, f64) {
-        let fastest = self.left.abs().max(self.right.abs());
-        let slowed = (calibration.full_speed / fastest).min(1.0);
+        let slowed = (calibration.full_speed / self.fastest()).min(1.0);
         let percent =
             |speed: f64| (speed * slowed / calibration.full_speed * 100.0).clamp(-100.0, 100.0);
         let setpoint = Setpoint::from_percent(percent(self.left), percent(self.right));
@@ -58,7 +67,8 @@ fn move_tracks(call: &mut Call<'_>) -> NativeResult {
     let left = call.args.get(0)?;
     let right = call.args.get(1)?;
     let time = call.args.get(2)?;
-    start_motion(call, Setpoint::from_percent(left, right), time)
+    let setpoint = Setpoint::from_percent(left, right);
+    start_motion(call, setpoint, time, Duration::ZERO)
 }
 
 fn drive(call: &mut Call<'_>) -> NativeResult {
@@ -67,7 +77,7 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
     let (setpoint, _) = Tracks::from_speeds(linear, angular, calibration).setpoint(calibration);
-    start_motion(call, setpoint, time)
+    start_motion(call, setpoint, time, Duration::ZERO)
 }
 
 fn forward(call: &mut Call<'_>) -> NativeResult {
@@ -111,14 +121,18 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> NativeRe
     if seconds <= 0.0 {
         return call.reply((true, MotionEnd::Done.name()));
     }
-    start_motion(call, setpoint, Some(Duration::from_secs_f64(seconds)))
+    let time = Duration::from_secs_f64(seconds);
+    let runs_on = Duration::from_secs_f64(tracks.fastest() * slowed / DECELERATION);
+    start_motion(call, setpoint, Some(time), runs_on)
 }
 
-/// Sets the setpoint of the tracks; waits for the end if there is a time.
+/// Sets the setpoint of the tracks; waits for the end if there is a time, and until the tracks,
+/// which run on for a while, stand.
 fn start_motion(
     call: &mut Call<'_>,
     setpoint: Option<Setpoint>,
     time: Option<Duration>,
+    runs_on: Duration,
 ) -> NativeResult {
     let Some(setpoint) = setpoint else {
         return Err(call.args.misuse("the speeds are not numbers"));
@@ -138,7 +152,11 @@ fn start_motion(
     call.make_room(0)?;
     let motion = {
         let now = call.state.now;
-        call.state.motion.set(owner, setpoint, time.is_some(), now)
+        let timing = match time {
+            Some(_) => Timing::Timed { runs_on },
+            None => Timing::Open,
+        };
+        call.state.motion.set(owner, setpoint, timing, now)
     };
     call.state.output.send(Intent::Move {
         motion,

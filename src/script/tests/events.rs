@@ -4,7 +4,7 @@ use bytes::Bytes;
 
 fn battery(percent: u8, charging: bool) -> Battery {
     Battery {
-        percent: Percent::new(percent).unwrap(),
+        percent: Percent::new(percent),
         charging,
         minutes_left: None,
     }

@@ -126,6 +126,8 @@ fn drive_forward_and_turn_go_through_the_calibration() {
     for _ in 0..3 {
         let intents = rig.take_intents();
         rig.deliver(motion_ended(intents.last().unwrap(), MotionEnd::Done));
+        // Until the tracks stand.
+        rig.pass(0.5);
         for intent in intents {
             if let Intent::Move {
                 setpoint, duration, ..

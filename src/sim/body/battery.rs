@@ -4,6 +4,10 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
+use super::firmware::PowerWhileCharging;
 use crate::sim::world::settings::BatterySettings;
 use crate::wire::Power;
 
@@ -89,7 +93,7 @@ impl Battery {
 const MAX_LEVELS: usize = 1000;
 
 /// The last reported level, and when the next POWER is due.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct PowerReports {
     session: bool,
     last_reported: Option<Power>,
@@ -98,13 +102,30 @@ pub(super) struct PowerReports {
     lag: Duration,
     /// The level to report, followed by the newer ones, each with its age.
     levels: VecDeque<(Duration, Power)>,
+    while_charging: PowerWhileCharging,
+    /// How many reports without a level were sent.
+    beyond: usize,
+    random: StdRng,
 }
 
 impl PowerReports {
-    pub(super) fn new(lag: Duration) -> PowerReports {
+    /// The largest error of a level, in points, with [`PowerWhileCharging::Noisy`].
+    const NOISE: i16 = 15;
+
+    pub(super) fn new(
+        lag: Duration,
+        while_charging: PowerWhileCharging,
+        seed: u64,
+    ) -> PowerReports {
         PowerReports {
+            session: false,
+            last_reported: None,
+            left: Duration::ZERO,
             lag,
-            ..PowerReports::default()
+            levels: VecDeque::new(),
+            while_charging,
+            beyond: 0,
+            random: StdRng::seed_from_u64(seed ^ 0x0070_6f77_6572),
         }
     }
 
@@ -144,9 +165,35 @@ impl PowerReports {
         self.session && (changed || self.left.is_zero())
     }
 
-    pub(super) fn sent(&mut self, power: Power, period: Duration) {
+    /// Notes that this level is reported now. Returns what POWER says of it.
+    pub(super) fn send(&mut self, power: Power, period: Duration) -> Power {
         self.last_reported = Some(power);
         self.left = period;
+        match self.while_charging {
+            _ if !power.charging => power,
+            PowerWhileCharging::Exact => power,
+            PowerWhileCharging::Noisy => self.noisy(power),
+            PowerWhileCharging::OutOfRange => {
+                self.beyond += 1;
+                let byte: i8 = [-110, -128, 110][(self.beyond - 1) % 3];
+                Power::from_byte(byte.cast_unsigned())
+            }
+        }
+    }
+
+    fn noisy(&mut self, power: Power) -> Power {
+        if self.random.random_bool(0.25) {
+            return Power {
+                percent: self.random.random_range(101..=127),
+                charging: self.random.random_bool(0.5),
+            };
+        }
+        let error = self.random.random_range(-Self::NOISE..=Self::NOISE);
+        let level = (i16::from(power.percent) + error).clamp(1, 127);
+        Power {
+            percent: level as u8,
+            charging: true,
+        }
     }
 }
 
@@ -229,7 +276,8 @@ mod tests {
             charging: false,
         };
         let second = Duration::from_secs(1);
-        let mut reports = PowerReports::new(3 * second);
+        let exact = PowerWhileCharging::Exact;
+        let mut reports = PowerReports::new(3 * second, exact, 0);
         assert_eq!(reports.level(power(50)), power(50));
         reports.step(second);
         assert_eq!(reports.level(power(49)), power(50));
@@ -239,9 +287,34 @@ mod tests {
         assert_eq!(reports.level(power(48)), power(49));
         reports.step(2 * second);
         assert_eq!(reports.level(power(48)), power(48));
-        let mut prompt = PowerReports::default();
+        let mut prompt = PowerReports::new(Duration::ZERO, exact, 0);
         for percent in [50, 49, 48] {
             assert_eq!(prompt.level(power(percent)), power(percent));
         }
+    }
+
+    fn told(while_charging: PowerWhileCharging, power: Power) -> Vec<i8> {
+        let mut reports = PowerReports::new(Duration::ZERO, while_charging, 7);
+        let mut told = || reports.send(power, MINUTE).to_byte().cast_signed();
+        (0..400).map(|_| told()).collect()
+    }
+
+    #[test]
+    fn a_charging_battery_may_report_what_is_no_level() {
+        use PowerWhileCharging::{Exact, Noisy, OutOfRange};
+        let power = |charging| Power {
+            percent: 60,
+            charging,
+        };
+        for while_charging in [Exact, Noisy, OutOfRange] {
+            assert_eq!(told(while_charging, power(false)), [60; 400]);
+        }
+        assert_eq!(told(Exact, power(true)), [-60; 400]);
+        assert_eq!(told(OutOfRange, power(true))[..4], [-110, -128, 110, -110]);
+        let noisy = told(Noisy, power(true));
+        let count = |says: &dyn Fn(&i8) -> bool| noisy.iter().filter(|byte| says(byte)).count();
+        assert!((30..80).contains(&count(&|byte| *byte > 100)));
+        assert!((30..80).contains(&count(&|byte| *byte < -100)));
+        assert!((250..350).contains(&count(&|byte| (-75..=-45).contains(byte))));
     }
 }

@@ -241,15 +241,20 @@ pub(super) struct Contacts {
     pub(super) beacon: bool,
     /// The station charges when the contacts touch.
     pub(super) charger_works: bool,
+    /// How long the contacts have touched, and after how long the station ends charging.
+    touched_for: Duration,
+    charger_time: Option<Duration>,
 }
 
 impl Contacts {
-    pub(super) fn new(touching: bool) -> Contacts {
+    pub(super) fn new(touching: bool, charger_hours: Option<f64>) -> Contacts {
         Contacts {
             touching,
             docked: touching,
             beacon: true,
             charger_works: true,
+            touched_for: Duration::ZERO,
+            charger_time: charger_hours.map(|hours| Duration::from_secs_f64(3600.0 * hours)),
         }
     }
 
@@ -263,7 +268,18 @@ impl Contacts {
     }
 
     pub(super) fn charging(&self) -> bool {
-        self.touching && self.charger_works
+        let over = self
+            .charger_time
+            .is_some_and(|time| self.touched_for >= time);
+        self.touching && self.charger_works && !over
+    }
+
+    pub(super) fn step(&mut self, dt: Duration) {
+        self.touched_for = if self.touching {
+            self.touched_for + dt
+        } else {
+            Duration::ZERO
+        };
     }
 
     pub(super) fn update(&mut self, station: &Station, pose: Pose) {

@@ -45,9 +45,15 @@ pub struct Firmware {
     /// Delay from AUTH_REPLY to the first POWER. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_after_login: Duration,
+    /// What POWER reports while the robot charges. Default: the level.
+    pub power_while_charging: PowerWhileCharging,
     /// Age of the battery level that POWER reports. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_late: Duration,
+    /// Hours after which the station ends charging, counted from contact: when the robot leaves and
+    /// comes back they begin anew. Default: it never does.
+    #[serde(deserialize_with = "some_hours")]
+    pub charger_hours: Option<f64>,
     /// The robot sends BASE_NOT_FOUND after this time without the station's beacon. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub search_limit: Duration,
@@ -71,6 +77,19 @@ pub enum FirmwareBehaviour {
     Obeyed,
 }
 
+/// What POWER reports while the robot charges (`PROTOCOL.md`, *POWER*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PowerWhileCharging {
+    /// The level.
+    #[default]
+    Exact,
+    /// A level that is wrong by up to 15 points; one in four is a value beyond 100, of either sign.
+    Noisy,
+    /// Only values beyond 100: in turn -110, -128 and 110.
+    OutOfRange,
+}
+
 impl Default for Firmware {
     fn default() -> Firmware {
         Firmware {
@@ -84,7 +103,9 @@ impl Default for Firmware {
             answers_power_query: true,
             power_period: Duration::from_secs(5),
             power_after_login: Duration::ZERO,
+            power_while_charging: PowerWhileCharging::Exact,
             power_late: Duration::ZERO,
+            charger_hours: None,
             search_limit: Duration::from_secs(20),
             music: Duration::from_secs(20),
             version: "1.0.22".into(),
@@ -130,6 +151,13 @@ fn some_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Er
     Ok(Option::<Count>::deserialize(from)?.map(|Count(count)| count as usize))
 }
 
+/// Hours, or `null` for never.
+fn some_hours<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    #[derive(Deserialize)]
+    struct Hours(#[serde(deserialize_with = "number::hours")] f64);
+    Ok(Option::<Hours>::deserialize(from)?.map(|Hours(hours)| hours))
+}
+
 fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_f64(time.as_secs_f64())
 }
@@ -152,6 +180,7 @@ mod tests {
         }
         let text = "stops_on_disconnect: true\nstops_without_repeat: 0.5\nmove_while_searching: ignored\n\
                     move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n\
+                    power_while_charging: out_of_range\ncharger_hours: 4\n\
                     commands_per_second: 2.5\nqueue: 16\nanswers_power_query: false\n";
         let expected = Firmware {
             stops_on_disconnect: true,
@@ -163,6 +192,8 @@ mod tests {
             queue: Some(16),
             answers_power_query: false,
             power_late: Duration::from_secs(3),
+            power_while_charging: PowerWhileCharging::OutOfRange,
+            charger_hours: Some(4.0),
             ..Firmware::default()
         };
         assert_eq!(Firmware::from_yaml(text, "f").unwrap(), expected);
@@ -186,10 +217,16 @@ mod tests {
             ),
             ("commands_per_second: 0\n", "f.yaml:1:22: ", "0.1 to 1000"),
             ("queue: 0\n", "f.yaml:1:8: ", "1 to 4096"),
+            ("charger_hours: 0\n", "f.yaml:1:16: ", "0.01 to 100"),
             (
                 "move_while_searching: obey\n",
                 "f.yaml:1:",
                 "did you mean `obeyed`?",
+            ),
+            (
+                "power_while_charging: noise\n",
+                "f.yaml:1:",
+                "did you mean `noisy`?",
             ),
             ("- 3\n", "f.yaml:1:1: ", "expected keys with values"),
         ] {

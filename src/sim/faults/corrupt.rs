@@ -100,8 +100,7 @@ fn message_kind_of(fault: FaultKind) -> u8 {
 fn jump(payload: &[u8], percent: Option<u8>, rng: &mut StdRng) -> Bytes {
     let charging = payload
         .first()
-        .and_then(|&byte| Power::from_byte(byte))
-        .is_some_and(|power| power.charging);
+        .is_some_and(|&byte| Power::from_byte(byte).charging);
     let percent = percent.unwrap_or_else(|| rng.random_range(0..=100));
     Bytes::from(vec![Power { percent, charging }.to_byte()])
 }

@@ -91,6 +91,7 @@ ranges! {
     slip = 0.0..=0.5, "1 is all";
     /// A time or duration of a fault, of a schedule or of the firmware.
     span = 0.0..=86_400.0, "seconds";
+    hours = 0.01..=100.0, "hours";
     chance = 0.0..=1.0, "1 is always";
     bytes = 0.0..=65_535.0, "bytes";
     commands = 1.0..=4096.0, "commands";

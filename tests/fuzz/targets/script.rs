@@ -139,7 +139,7 @@ fn happen(script: &mut Script, slice: u32, now: Instant) {
             docked: false,
         },
         2 => Event::Battery(Battery {
-            percent: Percent::saturating(50),
+            percent: Some(Percent::saturating(50)),
             charging: false,
             minutes_left: None,
         }),

@@ -6,7 +6,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;
 
 use super::{DRIVES, drove_on};
-use crate::rig::Rig;
+use crate::rig::{Rig, Run};
 
 const TOKEN: &str = "s3cr3t-t0ken";
 
@@ -130,13 +130,18 @@ fn config(rig: &Rig, targets: &str, rest: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     let rig = Rig::quiet().await;
-    for (what, reaction) in REACTIONS {
+    for (number, (_, reaction)) in REACTIONS.iter().enumerate() {
         let address = serve(*reaction);
         let target = format!(
             "hook: {{ url: '{address}?{{token}}', token_file: token, headers: {{ X-Token: '{{token}}' }} }}"
         );
-        rig.file("hook.yaml", &config(&rig, &target, ""));
-        let mut test = rig.spykee(&["config", "test-notify", "--config", "hook.yaml"]);
+        rig.file(&format!("hook{number}.yaml"), &config(&rig, &target, ""));
+    }
+    let tests: Vec<Run> = (0..REACTIONS.len())
+        .map(|number| format!("hook{number}.yaml"))
+        .map(|file| rig.spykee(&["config", "test-notify", "--config", &file]))
+        .collect();
+    for ((what, _), mut test) in REACTIONS.iter().zip(tests) {
         let code = test.code().await;
         let text = test.text();
         assert_eq!(code, Some(4), "it {what}: {text}");

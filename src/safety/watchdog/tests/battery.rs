@@ -454,3 +454,90 @@ fn a_robot_that_drives_searches_or_leaves_its_station_moves() {
     rig.handle(Fact::Engine(EngineReport::Undocked));
     assert!(!rig.dog.is_robot_moving());
 }
+
+/// Numbers that are no level.
+const BEYOND: [Power; 3] = [
+    Power {
+        percent: 110,
+        charging: true,
+    },
+    Power {
+        percent: 128,
+        charging: true,
+    },
+    Power {
+        percent: 110,
+        charging: false,
+    },
+];
+
+#[test]
+fn on_its_station_a_robot_that_tells_no_level_is_held_there_until_it_has_charged_for_an_hour() {
+    for beyond in BEYOND {
+        let mut rig = Rig::docked(beyond);
+        rig.report(beyond);
+        let battery = rig.dog.battery().unwrap();
+        assert!(rig.dog.docked() && battery.charging && rig.dog.low().is_none());
+        assert_eq!(battery.percent, None);
+        assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
+        for _ in 0..62 {
+            rig.pass(59 * SECOND, true);
+            assert_eq!(sent(&rig.report(beyond)), [], "nothing moves it");
+        }
+        let acts = rig.undock(2);
+        assert_eq!((undock_ended(&acts), sent(&acts)), (None, vec![LEAVE]));
+        let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
+        assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
+        assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+    }
+}
+
+#[test]
+fn a_low_robot_that_tells_no_level_while_it_charges_is_home_released_and_held() {
+    for beyond in BEYOND {
+        let mut rig = Rig::online(60);
+        assert_eq!(sent(&rig.report(power(20))), [Command::STOP, FIND]);
+        rig.handle(Fact::Engine(EngineReport::Docked));
+        let mut acts = rig.report(beyond);
+        acts.extend(rig.report(beyond));
+        assert!(rig.dog.low().is_none() && rig.dog.docked());
+        assert_eq!(sent(&acts), []);
+        let acts = [acts, rig.pass(100 * SECOND, true), rig.report(beyond)].concat();
+        assert_eq!(sent(&acts), [], "it stays");
+        assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
+        // Off the station its level counts at once.
+        rig.handle(Fact::Engine(EngineReport::Undocked));
+        assert_eq!(sent(&rig.report(power(19))), [Command::STOP, FIND]);
+    }
+}
+
+#[test]
+fn a_docking_is_done_when_a_robot_on_its_contacts_tells_no_level() {
+    for beyond in BEYOND {
+        let mut rig = Rig::online(60);
+        rig.dock(1);
+        rig.handle(Fact::Engine(EngineReport::Docked));
+        let acts = [rig.report(beyond), rig.report(beyond)].concat();
+        assert_eq!(dock_ended(&acts), Some((DockEnd::Done, 1)));
+        let acts = rig.undock(2);
+        assert_eq!(sent(&acts), [LEAVE], "its last level was good");
+    }
+}
+
+#[test]
+fn off_its_station_a_robot_that_tells_no_level_drives_and_goes_home_after_ten_minutes() {
+    let beyond = BEYOND[2];
+    let mut rig = Rig::with(Limits::default());
+    rig.handle(Fact::LinkUp {
+        docked: false,
+        power: beyond,
+    });
+    rig.now += 20 * MS;
+    assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    for _ in 0..9 {
+        let acts = [rig.pass(59 * SECOND, true), rig.report(beyond)].concat();
+        assert!(!sent(&acts).contains(&FIND));
+    }
+    let acts = rig.pass(60 * SECOND, true);
+    assert!(sent(&acts).ends_with(&[Command::STOP, FIND]), "{acts:?}");
+}

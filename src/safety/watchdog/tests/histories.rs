@@ -162,8 +162,8 @@ let online = play.known.online;
 }
 
 fn any_power() -> impl Strategy<Value = Power> {
-    // Includes values above 100: the type allows them.
-    let percent = prop_oneof![3 => 0..=100u8, 4 => 5..=25u8, 2 => 48..=52u8, 1 => any::<u8>()];
+    // Includes numbers above 100: no level.
+    let percent = prop_oneof![3 => 0..=100u8, 4 => 5..=25u8, 2 => 48..=52u8, 1 => 101..=128u8];
     (percent, prop::bool::weighted(0.25))
         .prop_map(|(percent, charging)| Power { percent, charging })
 }
@@ -229,6 +229,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             guardian_wrote,
         }),
         1 => prop::bool::weighted(0.85).prop_map(Fact::Guarded),
+        1 => any::<bool>().prop_map(Fact::StoppedByPerson),
         4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]
 }

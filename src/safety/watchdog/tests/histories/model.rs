@@ -41,6 +41,11 @@ pub(super) struct Known {
     pub(super) run_ended: bool,
     /// The start of the battery's silence.
     pub(super) reported: Option<Instant>,
+    /// The last report had no level.
+    pub(super) no_level: bool,
+    /// ... and was positive, while the robot was on its station by its own report: the watchdog may
+    /// take it for charging.
+    pub(super) unsigned: bool,
 }
 
 impl Known {
@@ -109,24 +114,32 @@ impl Known {
         let just_left = self
             .left
             .is_some_and(|left| now < left + Duration::from_secs(10));
+        let signed = power.charging && !just_left;
+        self.no_level = power.level().is_none();
+        self.unsigned = self.no_level && !signed && self.on_station;
         let power = Power {
-            charging: power.charging && !just_left,
+            charging: signed || self.unsigned,
             ..power
         };
         if power.charging && !self.charging {
             self.charging_since = Some(now);
         }
-        (self.charging, self.reported) = (power.charging, Some(now));
+        self.charging = power.charging;
+        self.reported = self.reported.filter(|_| self.no_level).or(Some(now));
         self.charges_here = power.charging;
         self.unconfirmed &= power.charging;
         let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
         count(&mut self.charges, power.charging);
+        let touches = self.on_station && !self.unsigned;
+        self.touched = power.charging && (self.touched || touches);
+        let surely = self.surely_touched || (touches && !self.told_to_leave);
+        self.surely_touched = power.charging && surely;
+        if self.no_level {
+            return;
+        }
         count(&mut self.good, power.percent >= limits.ok.get());
         let critical = power.percent <= limits.critical.get();
         count(&mut self.uncritical, !critical);
-        self.touched = power.charging && (self.touched || self.on_station);
-        let surely = self.surely_touched || (self.on_station && !self.told_to_leave);
-        self.surely_touched = power.charging && surely;
         self.critical |= critical;
         self.low |= !power.charging && power.percent <= limits.low.get();
     }
@@ -134,6 +147,11 @@ impl Known {
     /// Adopts what the watchdog believes, after checking that it may believe it.
     pub(super) fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
         let charging = dog.battery_monitor.charging();
+        if self.unsigned && charging == Charging::No {
+            (self.charging, self.charges_here, self.charges) = (false, false, 0);
+            (self.touched, self.surely_touched) = (false, false);
+        }
+        self.unsigned = false;
         prop_assert_eq!(self.charging, charging != Charging::No);
         let enough = self.touched || self.charges >= 2;
         prop_assert!(
@@ -152,9 +170,13 @@ impl Known {
             .level()
             .is_some_and(|level| level <= limits.low);
         let late = self.charges > 0 && !self.charging && low;
+        let still = self.no_level && !self.charging && dog.battery_monitor.at_or_below_low();
+        let late = late || still;
         prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
         self.low = dog.low().is_some();
-        prop_assert!(dog.battery_monitor.critical() || !self.critical || self.uncritical >= 3);
+        let may_be_full = self.no_level && charging == Charging::Confirmed;
+        let uncritical = self.uncritical >= 3 || may_be_full;
+        prop_assert!(dog.battery_monitor.critical() || !self.critical || uncritical);
         prop_assert!(!dog.battery_monitor.critical() || self.critical);
         self.critical = dog.battery_monitor.critical();
         Ok(())
@@ -193,6 +215,7 @@ impl Known {
         if self.unconfirmed && self.charging_since.is_some_and(over) {
             (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;
+            self.contact = self.on_station.then_some(now);
         }
     }
 
@@ -216,6 +239,10 @@ pub(super) struct WayHome {
     moves: Option<Instant>,
     /// Since when the tracks are granted, and to which behaviour.
     granted: Option<(Instant, BehaviourId)>,
+}
+
+fn longest_grant(limits: &Limits) -> Duration {
+    limits.rescue_time.get().max(Homing::LONGEST_GRANT)
 }
 
 impl WayHome {
@@ -261,7 +288,7 @@ impl WayHome {
         );
         let began = *self.moves.get_or_insert(*now);
         let ends = match self.granted {
-            Some((since, _)) => since + limits.rescue_time.get(),
+            Some((since, _)) => since + longest_grant(limits),
             None => began + WayHome::LONGEST_BLIND_MOVE,
         };
         moment.drives_until(ends)?;
@@ -286,7 +313,7 @@ impl WayHome {
         prop_assert!(limits.rescue != Rescue::Off);
         let (since, whose) = *self.granted.get_or_insert((*now, by));
         prop_assert_eq!(whose, by);
-        moment.drives_until(since + limits.rescue_time.get())
+        moment.drives_until(since + longest_grant(limits))
     }
 }
 
@@ -300,7 +327,7 @@ impl LongestWait {
         let moment = Duration::from_secs(1);
         let pause = limits.dock_pause.get().max(moment);
         let on_contact = limits.charge_timeout.get() * 2 + DockTracker::LONGEST_LEAVING;
-        let driven = limits.rescue_time.get() + WayHome::LONGEST_BLIND_MOVE;
+        let driven = longest_grant(limits) + WayHome::LONGEST_BLIND_MOVE;
         limits.dock_timeout.get() + on_contact + pause + driven + moment
     }
 
