@@ -4,7 +4,7 @@
 mod find;
 mod learn;
 mod marked_pictures;
-pub(super) mod picture;
+mod picture;
 
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure};
