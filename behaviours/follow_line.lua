@@ -1,8 +1,10 @@
 -- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the
--- floor only from two thirds of a metre on, so the robot remembers the points of the line that it
--- has seen and steers to the nearest point that it has not reached yet. When there are no such
+-- floor only from some distance on, so the robot remembers the points of the line that it has seen
+-- and steers to the nearest point that it has not reached yet. For tight bends, bend the head down. When there are no such
 -- points left, it turns to find the line again, first to the side where it was last. After a full
 -- turn without a line, it stands still until it sees one.
+
+local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	colour = { default = "black", doc = "colour of the tape: a name, or one of the config's own colours" },
@@ -10,14 +12,13 @@ local settings = params.declare({
 	near = { default = 0.25, min = 0.1, max = 0.5, unit = "m", doc = "a point nearer than this counts as reached; larger values cut corners" },
 })
 
--- The camera's position in metres: above the floor, and in front of the robot's middle.
-local HEIGHT, AHEAD = 0.2, 0.1
--- Metres from the camera at which it looks for the line.
-local STRIPS = { 0.64, 0.69, 0.75, 0.82, 0.91, 1, 1.12, 1.25 }
+local AHEAD = 0.1 -- metres from the robot's middle to the camera
+-- Where it looks for the line: shares of the distance to the nearest floor in the picture.
+local STRIPS = { 1.03, 1.11, 1.21, 1.32, 1.47, 1.61, 1.81, 2.02 }
 local APART, GAP = 0.08, 0.3 -- metres: least and largest distance between two points of the line
 local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the known one
 local WIDE = 24 -- pixels: for each such width the tape gives one point
-local BEGINNING = 1 -- metres: a new line must begin nearer than this
+local BEGINNING = 1.1 -- a new line must begin nearer than this share of the nearest floor, or than 0.9 m
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
 -- Seconds of turning to the first side: for a lost line, and for a line that was never seen.
@@ -28,6 +29,7 @@ robot.undock() -- has no effect if the robot is not on its station
 -- Points still to reach: x metres ahead of the robot, y metres to its left, seen from `away`
 -- metres.
 local line = {}
+local near = 0 -- metres from the camera to the nearest floor in the picture
 local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
 local moved_at = task.now()
 local seen_at, ever_seen = task.now(), false
@@ -86,22 +88,22 @@ local function belongs(x, y)
 			return true
 		end
 	end
-	return #line == 0 and x < BEGINNING
+	return #line == 0 and x < AHEAD + math.max(0.9, BEGINNING * near)
 end
 
 local function note(frame, column, row)
-	local bearing, elevation = frame:direction(column, row)
-	local away = HEIGHT / math.tan(-elevation)
-	local x, y = AHEAD + away * math.cos(bearing), away * math.sin(bearing)
-	if belongs(x, y) then
-		remember(x, y, away)
+	local ahead, y = frame:floor_position(column, row)
+	local x = AHEAD + (ahead or 0)
+	if ahead and belongs(x, y) then
+		remember(x, y, math.sqrt(ahead ^ 2 + y ^ 2))
 		seen_at, ever_seen = task.now(), true
 	end
 end
 
 local function look(frame)
-	for _, depth in STRIPS do
-		local _, row = frame:pixel_at(0, -math.atan(HEIGHT / depth))
+	near = floor.nearest(frame)
+	for _, share in STRIPS do
+		local _, row = frame:pixel_at(0, -math.atan(frame.lens_height / (share * near)))
 		local tape = row and frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } })[1]
 		if tape then
 			-- In a bend the tape lies across the picture, so more than one of its points is

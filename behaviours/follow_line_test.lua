@@ -60,7 +60,7 @@ scenario("turns at the end of a line and comes back", { world = "line_loop" }, f
 end)
 
 scenario("stands still without a line", { world = "playpen" }, function(sim)
-	sim:place({ x = 1.2, y = 1.2, heading = 6 * math.random() })
+	sim:place({ x = 1.6, y = 1.2, heading = 6 * math.random() })
 	sim:run("follow_line.lua")
 	sim:wait(15)
 	expect(#sim:log("no line in sight") == 1)

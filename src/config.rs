@@ -69,8 +69,9 @@ pub struct Config {
     pub limits: script::Limits,
     /// The conversion of track power to speed.
     pub calibration: Calibration,
-    /// The camera's field of view and distortion.
+    /// Where the camera is on the robot, and its lens.
     #[serde(deserialize_with = "camera")]
+    #[schemars(with = "CameraKeys")]
     pub camera: Camera,
     /// Colours by name, in addition to the built-in ones: ranges of `h`, `s` and `v` (degrees,
     /// percent), or of `l`, `a` and `b`.
@@ -122,34 +123,98 @@ impl Default for Config {
     }
 }
 
-/// Reads and checks the camera's parameters here, as the vision module does not know the config.
-/// With only a field of view, the lens has no distortion.
-fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Written {
-        #[serde(default, deserialize_with = "hfov")]
-        hfov: Option<f64>,
-        distortion: Option<[Factor; 2]>,
-    }
+/// The camera as the config says it. What it leaves out is that of the robot's own camera.
+#[derive(Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct CameraKeys {
+    /// Height of the lens above the floor, metres.
+    #[serde(default, deserialize_with = "lens_height")]
+    height: Option<f64>,
+    /// Degrees by which the camera looks up; negative down.
+    #[serde(default, deserialize_with = "pitch")]
+    pitch: Option<f64>,
+    /// Degrees, positive when the horizon falls to the right in the picture.
+    #[serde(default, deserialize_with = "roll")]
+    roll: Option<f64>,
+    /// Another lens: its focal lengths along columns and rows, in pixels of a picture of 320x240.
+    focal: Option<[FocalLength; 2]>,
+    /// Column and row of its optical axis in a picture of 320x240.
+    centre: Option<[CentrePixel; 2]>,
+    /// Its distortion: `[k1, k2]` or `[k1, k2, p1, p2]`.
+    #[serde(default, deserialize_with = "distortion")]
+    distortion: Option<Vec<f64>>,
+    /// Another lens: its horizontal field of view without distortion, radians. Alone it means a
+    /// lens without distortion.
+    #[serde(default, deserialize_with = "hfov")]
+    hfov: Option<f64>,
+}
+
+#[derive(Clone, Copy, Deserialize, schemars::JsonSchema)]
+struct FocalLength(#[serde(deserialize_with = "focal")] f64);
+#[derive(Clone, Copy, Deserialize, schemars::JsonSchema)]
+struct CentrePixel(#[serde(deserialize_with = "centre")] f64);
+
+fn lens_height<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    float_within(from, "a height from 0.05 to 1 metre", 0.05..=1.0).map(Some)
+}
+
+fn pitch<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    float_within(from, "an angle from -60 to 45 degrees", -60.0..=45.0).map(Some)
+}
+
+fn roll<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    float_within(from, "an angle from -45 to 45 degrees", -45.0..=45.0).map(Some)
+}
+
+fn focal<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    float_within(from, "a focal length from 50 to 5000 pixels", 50.0..=5000.0)
+}
+
+fn centre<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    float_within(from, "a place in a picture of 320x240", 0.0..=320.0)
+}
+
+fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0).map(Some)
+}
+
+fn distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<f64>>, D::Error> {
     #[derive(Deserialize)]
     struct Factor(#[serde(deserialize_with = "factor")] f64);
-    fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-        float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0).map(Some)
-    }
     fn factor<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
         float_within(from, "a factor of distortion from -2 to 2", -2.0..=2.0)
     }
-    let Written { hfov, distortion } = Written::deserialize(from)?;
-    let mut camera = hfov.map_or_else(Camera::default, Camera::pinhole);
-    if let Some([Factor(k1), Factor(k2)]) = distortion {
-        camera.distortion = [k1, k2];
+    let factors = <Vec<Factor>>::deserialize(from)?;
+    match factors.len() {
+        2 | 4 => Ok(Some(factors.into_iter().map(|factor| factor.0).collect())),
+        count => Err(serde::de::Error::custom(format_args!(
+            "{count} factors of distortion, expected k1, k2 or k1, k2, p1, p2"
+        ))),
+    }
+}
+
+/// Reads and checks the camera's parameters here, as the vision module does not know the config.
+fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
+    let keys = CameraKeys::deserialize(from)?;
+    let mut camera = keys.hfov.map_or_else(Camera::default, Camera::pinhole);
+    camera.height = keys.height.unwrap_or(camera.height);
+    camera.pitch = keys.pitch.unwrap_or(camera.pitch);
+    camera.roll = keys.roll.unwrap_or(camera.roll);
+    if let Some(focal) = keys.focal {
+        camera.focal = focal.map(|length| length.0);
+    }
+    if let Some(centre) = keys.centre {
+        camera.centre = centre.map(|pixel| pixel.0);
+    }
+    if let Some(factors) = keys.distortion {
+        camera.distortion = [0.0; 4];
+        camera.distortion[..factors.len()].copy_from_slice(&factors);
     }
     if camera.is_one_to_one() {
         Ok(camera)
     } else {
         Err(serde::de::Error::custom(
-            "this distortion folds the picture: expected numbers closer to 0, or a narrower hfov",
+            "this distortion folds the picture: expected numbers closer to 0, or a narrower view",
         ))
     }
 }
@@ -427,6 +492,11 @@ mod tests {
             "calibration:\n  track_width: .nan\n",
             "camera:\n  hfov: 0\n",
             "camera:\n  distortion: [-3, 0]\n",
+            "camera:\n  distortion: [0.1, 0, 0]\n",
+            "camera:\n  height: 0\n",
+            "camera:\n  pitch: -90\n",
+            "camera:\n  roll: .nan\n",
+            "camera:\n  focal: [381, 0]\n",
             "limits:\n  memory_bytes: 0\n",
             "limits:\n  callback_budget_ms: 0.5\n",
             "limits:\n  noise_dbfs: .nan\n",
@@ -442,6 +512,35 @@ mod tests {
         let good = "limits: { memory_bytes: 16777216 }\ncamera: { hfov: 1 }\n";
         let config = Config::parse(good, "spykee.yaml").unwrap();
         assert_eq!(config.limits.memory_bytes, 16 << 20);
+    }
+
+    #[test]
+    fn a_pose_alone_keeps_the_robots_lens_and_a_field_of_view_alone_has_no_distortion() {
+        let camera = |keys: &str| {
+            let text = format!("camera: {keys}\n");
+            Config::parse(&text, "spykee.yaml").unwrap().camera
+        };
+        let usual = Camera::default();
+        let posed = Camera {
+            height: 0.27,
+            pitch: -9.5,
+            roll: 2.0,
+            ..usual
+        };
+        assert_eq!(camera("{ height: 0.27, pitch: -9.5, roll: 2 }"), posed);
+        assert_eq!(camera("{ hfov: 1 }"), Camera::pinhole(1.0));
+        let other = Camera {
+            focal: [400.0, 401.0],
+            centre: [160.0, 118.0],
+            distortion: [-0.2, 0.05, 0.001, 0.0],
+            ..usual
+        };
+        let keys = "{ focal: [400, 401], centre: [160, 118], distortion: [-0.2, 0.05, 0.001, 0] }";
+        assert_eq!(camera(keys), other);
+        assert_eq!(
+            camera("{ distortion: [-0.2, 0.05] }").distortion,
+            [-0.2, 0.05, 0.0, 0.0]
+        );
     }
 
     #[test]

@@ -58,6 +58,7 @@ pub(super) const FRAME: Object = strict(
         whole("width", "").unit("px"),
         whole("height", "").unit("px"),
         whole("bytes", "size of the JPEG"),
+        number("lens_height", "of the camera above the floor, from the config's `camera`").unit("m"),
     ],
     &[
         FIND_BLOBS,
@@ -118,12 +119,28 @@ pub(super) const FRAME: Object = strict(
                 number("bearing", "left positive; nil in a damaged picture")
                     .unit("rad")
                     .optional(),
-                number("elevation", "above the horizon positive; assumes that the camera looks level")
+                number("elevation", "above the horizon positive")
                     .unit("rad")
                     .optional(),
             ],
-            "Returns the direction of a point of the picture, computed with the field of view and lens distortion of the config's `camera`.",
-            "local bearing, elevation = frame:direction(160, 200)\nif elevation and elevation < 0 then\n\tprint(`the floor there is {0.2 / math.tan(-elevation)} m away`)\nend",
+            "Returns the direction of a point of the picture, for a robot on level ground, computed with the pose and the lens of the config's `camera`.",
+            "local bearing, elevation = frame:direction(160, 100)\nif bearing and elevation then\n\tprint(math.deg(bearing), math.deg(elevation))\nend",
+        )
+        .pure(),
+        call(
+            "Frame:floor_position",
+            &[
+                bounded("x", PIXELS, "column, 0 is the centre of the leftmost pixel").unit("px"),
+                bounded("y", PIXELS, "row, 0 is the centre of the topmost pixel").unit("px"),
+            ],
+            &[
+                number("ahead", "from below the lens; nil above the horizon and in a damaged picture")
+                    .unit("m")
+                    .optional(),
+                number("left", "to the left positive").unit("m").optional(),
+            ],
+            "Returns the place on the floor that a point of the picture shows, if it shows floor, computed with the config's `camera`.",
+            "local ahead, left = frame:floor_position(160, 200)\nif ahead and left then\n\tprint(`the floor there is {math.sqrt(ahead ^ 2 + left ^ 2)} m away`)\nend",
         )
         .pure(),
         call(

@@ -367,6 +367,11 @@ const TURN: Value = number(
     "the side with more room, from -1 (right) to 1 (left)",
 );
 
+const KNOWN: Value = boolean(
+    "known",
+    "false if the floor ahead is hidden down to the lower edge of the picture; then `ahead` is 0",
+);
+
 pub(super) const FREE: Object = table(
     "Free",
     "The free floor in front of the robot; made by `floor.look`.",
@@ -375,6 +380,7 @@ pub(super) const FREE: Object = table(
         LEFT,
         RIGHT,
         TURN,
+        KNOWN,
     ],
 );
 
@@ -413,6 +419,7 @@ pub(super) const FREE_AROUND: Object = table(
         LEFT,
         RIGHT,
         TURN,
+        KNOWN,
         object(
             "beside",
             &BESIDE,

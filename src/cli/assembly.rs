@@ -129,6 +129,10 @@ impl Assembly {
             heartbeat = heartbeat.notify_beats(beats);
         }
         let page = setup.page.map(|page| PageInputs::new(config, page, &bus));
+        let mut rescue = rescue(config, setup.seed)?;
+        if let (Some(rescue), Some(sim)) = (&mut rescue, &handle) {
+            rescue.options.camera = sim.world().camera.calibrated();
+        }
         let plan = Plan {
             behaviours: setup.behaviours,
             specs: setup.specs,
@@ -138,7 +142,7 @@ impl Assembly {
             launcher: launcher()?,
             core: core.handle().clone(),
             heartbeat: Some(heartbeat),
-            rescue: rescue(config, setup.seed)?,
+            rescue,
             limit: setup.limit,
             bus: bus.clone(),
         };

@@ -13,7 +13,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
-use super::robot_target::{connector, resolve_or_simulate, robot_choice};
+use super::robot_target::{self, connector, resolve_or_simulate, robot_choice};
 use super::settings::SettingsArgs;
 use super::startup::{
     driving_core, guardian_files, heartbeat, launcher, refuse_if_stopped, rescue, runtime,
@@ -56,7 +56,8 @@ pub(super) struct ReplArgs {
 
 /// Runs the session until the user ends it.
 pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
-    let config = args.settings.config()?.clone();
+    let mut config = args.settings.config()?.clone();
+    config.camera = robot_target::camera(&args.connection, &config)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let choice = robot_choice(&args.connection, &config)?;

@@ -6,6 +6,7 @@ use super::{ConnectionArgs, Failure, RobotChoice};
 use crate::config::Config;
 use crate::link::{self, Target};
 use crate::pilot::Connector;
+use crate::vision::Camera;
 use crate::wire::Login;
 
 pub(super) fn robot_choice(
@@ -19,6 +20,17 @@ pub(super) fn robot_choice(
              it)",
         )
     })
+}
+
+/// The camera of the robot that is meant: the config's, or that of the world of a simulated robot.
+pub(super) fn camera(connection: &ConnectionArgs, config: &Config) -> Result<Camera, Failure> {
+    match robot_choice(connection, config) {
+        Ok(RobotChoice::Sim(world)) => {
+            let world = super::embedded::load(world.as_deref())?;
+            Ok(world.camera.calibrated())
+        }
+        _ => Ok(config.camera),
+    }
 }
 
 pub(super) fn resolve_or_simulate(

@@ -13,7 +13,7 @@ use super::fast::{EventFile, Fast, SimulationJournalOptions};
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
 use super::params::Param;
-use super::robot_target::robot_choice;
+use super::robot_target::{self, robot_choice};
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{serve, show};
@@ -123,6 +123,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     if let Some(address) = args.live {
         config.live.listen = Some(address.unwrap_or(config.live.address()));
     }
+    config.camera = robot_target::camera(&args.connection, &config)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loaded = load(&args, &config, seed)?;

@@ -14,7 +14,7 @@ use self::service_plan::{LoadedPlan, PlanLoader};
 use super::assembly::{Assembly, RunParts, RunSetup};
 use super::interrupt::{handle_service_signals, listen};
 use super::privileges::drop_root;
-use super::robot_target::robot_choice;
+use super::robot_target::{self, robot_choice};
 use super::settings::SettingsArgs;
 use super::startup::{self, show};
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker};
@@ -76,7 +76,8 @@ pub(super) struct ServeArgs {
 }
 
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
-    let config = args.settings.config()?.clone();
+    let mut config = args.settings.config()?.clone();
+    config.camera = robot_target::camera(&args.connection, &config)?;
     let choice = robot_choice(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
     let simulated = matches!(choice, RobotChoice::Sim(_));
@@ -84,7 +85,10 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     become_user(&config, simulated)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loader = plan_loader(args, console, seed, clock);
+    let loader = PlanLoader {
+        camera: simulated.then_some(config.camera),
+        ..plan_loader(args, console, seed, clock)
+    };
     let loaded = loader.load(&config)?;
     if args.fast {
         return fast::serve(args, choice, login, &config, loaded, seed, console);
@@ -142,6 +146,7 @@ fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> 
         seed,
         console: console.clone(),
         clock,
+        camera: None,
         zone: if args.fast {
             Zone::utc()
         } else {

@@ -73,8 +73,7 @@ mod tests {
         assert_eq!(config.calibration, usual.calibration);
         assert_eq!(config.logging, usual.logging);
         assert_eq!(config.journal, usual.journal);
-        assert!((config.camera.hfov - usual.camera.hfov).abs() < 1e-4);
-        assert_eq!(config.camera.distortion, usual.camera.distortion);
+        assert_eq!(config.camera, usual.camera);
         assert_eq!((config.behaviours.len(), config.colours.len()), (2, 2));
     }
 

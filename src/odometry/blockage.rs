@@ -114,12 +114,12 @@ impl Blockage {
             self.approach = Approach::default();
         }
         let mut profiles = self.spare.take().unwrap_or_default();
-        profiles.take(image);
+        profiles.take(image, camera);
         let is_settled = at >= timed.since + SETTLING;
         if is_settled && let Some(rows) = profiles.foot_ahead() {
             self.approach.note(timed.odometer, rows);
         }
-        self.note_close(profiles.nearer_than(camera), at, timed);
+        self.note_close(profiles.nearer_than(camera), at, camera, timed);
         if !is_settled {
             self.spare = Some(profiles);
             return None;
@@ -208,9 +208,17 @@ impl Blockage {
         };
     }
 
-    fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, timed: TimedMotion) {
+    fn note_close(
+        &mut self,
+        nearer_than: Option<f64>,
+        at: Instant,
+        camera: Camera,
+        timed: TimedMotion,
+    ) {
         let arrival = self.approach.arrival();
-        let room = arrival.map(|arrival| arrival - timed.odometer);
+        // A foot whose rows are infinite is in the plane of the lens, which a pitch leans.
+        let lean = camera.height * camera.pitch.to_radians().tan();
+        let room = arrival.map(|arrival| arrival - timed.odometer + lean);
         let room = room.filter(|room| *room > LEAST_ROOM);
         self.close = match (nearer_than, self.close) {
             (Some(farthest), None) if timed.drive.forward > 0.0 => Some(Close {

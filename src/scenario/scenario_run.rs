@@ -155,8 +155,10 @@ impl ScenarioFile {
             events: Some(record.recorder()),
             ..settings.simulation_options(seed, options.fps)
         };
+        let mut config = settings.config.clone();
+        config.camera = world.camera.calibrated();
         let behaviours = Behaviours {
-            config: settings.config.clone(),
+            config,
             folder: self.folder().map(Path::to_owned),
             subject: settings.subject.clone().or_else(|| self.subject()),
             data: data.path().to_owned(),

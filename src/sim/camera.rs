@@ -58,9 +58,10 @@ struct FrameInputs {
 impl Camera {
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
         let lens = Lens::new(&world.camera);
+        let canvas = lens.canvas();
         Camera {
             settings: world.camera,
-            renderer: Renderer::new(world, lens.focal),
+            renderer: Renderer::new(world, canvas),
             lens,
             exposure: Exposure::new(world.camera.exposure),
             last_inputs: None,
@@ -83,7 +84,7 @@ impl Camera {
 
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
         self.render(shot);
-        let frame = self.lens.output(self.renderer.frame());
+        let frame = self.lens.frame();
         let grainy = &mut self.grainy;
         self.grain
             .add_to(frame.as_flattened(), grainy.as_flattened_mut());
@@ -112,11 +113,10 @@ impl Camera {
             let turned = shot.turning.abs() * self.settings.shutter;
             self.renderer
                 .render(shot.pose, shot.flash, exposure, turned);
-            self.lens.distort(self.renderer.frame());
+            self.lens.take(self.renderer.frame());
             self.last_inputs = inputs;
         }
-        self.exposure
-            .update(self.lens.output(self.renderer.frame()), shot.time);
+        self.exposure.update(self.lens.frame(), shot.time);
     }
 }
 
@@ -337,10 +337,11 @@ mod tests {
         let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
         assert_eq!(image.dimensions(), (320, 240));
         let (count, x, y) = find(&image, RED);
-        // A radius of 0.1 m at 1 m, focal length 381 pixels: a disc of about 4,500 pixels.
+        // A radius of 0.1 m at 1 m, focal length 381 pixels: a disc of about 4,500 pixels, whose
+        // middle is 0.19 m below the lens.
         assert!((3600..5000).contains(&count), "{count}");
-        assert!((x - 159.5).abs() < 3.0, "{x}");
-        assert!((y - 158.0).abs() < 6.0, "{y}");
+        assert!((x - 156.7).abs() < 3.0, "{x}");
+        assert!((y - 115.9 - 380.0 * 0.19).abs() < 6.0, "{y}");
     }
 
     #[test]
@@ -358,7 +359,7 @@ mod tests {
         let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
         let (blue, x, y) = find(&image, |[r, g, b]| b > 110 && r < 80 && g < 120);
         assert!(
-            blue > 8000 && (x - 159.5).abs() < 4.0 && y < 160.0,
+            blue > 8000 && (x - 156.7).abs() < 4.0 && y < 160.0,
             "{blue} at {x}, {y}"
         );
         assert_eq!(find(&image, RED).0, 0);

@@ -19,6 +19,7 @@ use crate::robot::{Bus, Pictures, Streams};
 use crate::safety::Limits;
 use crate::script;
 use crate::sim::{self, Handle};
+use crate::vision::Camera;
 use crate::wire::Login;
 
 /// The nominal address of simulated robots.
@@ -118,7 +119,12 @@ impl Drop for Running {
     }
 }
 
-pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
+/// A simulated robot's camera is known: its world's counts, not the config's.
+pub(super) fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour>) -> Plan {
+    let camera = sim.world().camera.calibrated();
+    for behaviour in &mut behaviours {
+        behaviour.launch.options.camera = camera;
+    }
     Plan {
         behaviours,
         specs: Vec::new(),
@@ -134,17 +140,18 @@ pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -
         launcher: Launcher::in_this_thread(),
         core: runtime::Handle::current(),
         heartbeat: None,
-        rescue: rescue(options),
+        rescue: rescue(options, camera),
         limit: None,
         bus: options.bus.clone(),
     }
 }
 
 /// Loads the rescue behaviour; logs an error and returns `None` if its file cannot be read.
-fn rescue(options: &Options) -> Option<Launch> {
+fn rescue(options: &Options, camera: Camera) -> Option<Launch> {
     let choice = &options.limits.rescue;
     let script = script::Options {
         seed: options.seed,
+        camera,
         ..script::Options::new(RESCUE_NAME, choice.to_string())
     };
     agent::rescue(choice, script).unwrap_or_else(|error| {

@@ -88,12 +88,8 @@ impl FrameAnalyser {
     ) -> Result<Option<Line>, FrameError> {
         self.decode(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, false);
-        Ok(find_line(
-            &mut self.finder,
-            self.decoder.image(),
-            palette,
-            roi,
-        ))
+        let line = find_line(&mut self.finder, self.decoder.image(), palette, roi);
+        Ok(line.map(|line| line.levelled(self.camera.roll)))
     }
 
     /// The number of frames decoded so far.

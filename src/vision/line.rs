@@ -18,6 +18,22 @@ pub struct Line {
     pub strength: f64,
 }
 
+impl Line {
+    /// The line as a camera without roll would show its direction; roll in degrees, positive when
+    /// the horizon falls to the right.
+    pub(super) fn levelled(self, roll: f64) -> Line {
+        use std::f64::consts::{FRAC_PI_2, PI};
+        if roll == 0.0 {
+            return self;
+        }
+        let angle = self.angle + roll.to_radians();
+        Line {
+            angle: (angle + FRAC_PI_2).rem_euclid(PI) - FRAC_PI_2,
+            ..self
+        }
+    }
+}
+
 /// Returns the line formed by the largest blob of the palette's colours in a part of the picture;
 /// `None` if there is none.
 pub fn find_line(
@@ -91,6 +107,21 @@ mod tests {
         assert!(
             (left.angle + right.angle).abs() < 0.02 && (left.offset + right.offset).abs() < 0.02
         );
+    }
+
+    #[test]
+    fn a_line_straight_ahead_is_so_for_a_tilted_camera_too() {
+        // With a roll of 8 degrees everything leans to the right.
+        let top = 160.0 + 240.0 * 8.0_f64.to_radians().tan();
+        let leans = line(&tape(160, top as i32), None).unwrap();
+        assert!(leans.angle < -0.1, "{leans:?}");
+        let level = leans.levelled(8.0);
+        assert!(level.angle.abs() < 0.02, "{level:?}");
+        let across = Line {
+            angle: 1.5,
+            ..leans
+        };
+        assert!(across.levelled(8.0).angle < -1.4);
     }
 
     #[test]

@@ -5,18 +5,17 @@
 
 use std::time::Duration;
 
-use super::camera::Camera;
+use super::camera::{Camera, Horizon};
 use crate::vision::picture::Image;
 use crate::vision::picture::Size;
 
-/// Height of the lens above the floor, metres.
-const LENS_HEIGHT: f64 = 0.2;
-/// The bands of rows over which columns are averaged, as shares of the height below the horizon.
+/// The bands of rows over which columns are averaged, as shares of the rows from the horizon to the
+/// upper or lower edge of the picture.
 const BANDS: [(f64, f64); 4] = [(-0.7, -0.35), (-0.35, 0.0), (0.25, 0.62), (0.62, 0.98)];
-/// Vertical strips of the picture over which rows are averaged, and where they begin, as a share of
-/// the height.
+/// Vertical strips of the picture over which rows are averaged, and how far above the horizon they
+/// begin, as a share of the height.
 const STRIPS: usize = 8;
-const TOP: f64 = 0.36;
+const TOP: f64 = 0.14;
 const AHEAD: std::ops::Range<usize> = 3..5;
 /// If the brightness of a strip changes by less than this from the rows above to the rows below
 /// everywhere, of 255, it shows a single surface from above the height of the lens to the bottom.
@@ -65,47 +64,128 @@ pub enum Verdict {
 }
 
 /// The mean brightness of a picture of half size along its columns and its rows, in bands and
-/// strips.
+/// strips, which follow a tilted horizon.
 #[derive(Debug, Clone, Default)]
 pub struct Profiles {
     luma: Vec<u8>,
     size: (usize, usize),
+    layout: Layout,
     bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
     /// Strips that show a single surface, and so no floor.
     plain: [bool; STRIPS],
 }
 
+/// Where bands and strips are in a picture of half size, at the horizon's middle.
+#[derive(Debug, Clone, PartialEq)]
+struct Layout {
+    horizon: Horizon,
+    bands: [std::ops::Range<isize>; BANDS.len()],
+    /// Rows of the strips, the first of which is above the horizon unless the picture shows no
+    /// horizon.
+    strips: std::ops::Range<isize>,
+    /// Whether the strips begin above the horizon.
+    shows_horizon: bool,
+}
+
+impl Default for Layout {
+    fn default() -> Layout {
+        Layout {
+            horizon: Horizon {
+                x: 0.0,
+                y: 0.0,
+                slope: 0.0,
+            },
+            bands: std::array::from_fn(|_| 0..0),
+            strips: 0..0,
+            shows_horizon: false,
+        }
+    }
+}
+
+impl Layout {
+    fn new(camera: Camera, width: usize, height: usize) -> Layout {
+        let horizon = camera.horizon(Size {
+            width: width as u32,
+            height: height as u32,
+        });
+        // Rows that a tilted horizon leaves free at both edges.
+        let farthest = horizon.x.max(width as f64 - horizon.x);
+        let tilt = (horizon.slope * farthest).abs().ceil();
+        let first = tilt;
+        let last = height as f64 - tilt;
+        let middle = horizon.y + 0.5;
+        let row = |share: f64| {
+            let reach = if share < 0.0 {
+                middle - first
+            } else {
+                last - middle
+            };
+            ((middle + share * reach.max(0.0)) as isize).clamp(first as isize, last as isize)
+        };
+        let top = middle - TOP * height as f64;
+        let shows_horizon = top >= first;
+        Layout {
+            bands: BANDS.map(|(from, to)| row(from)..row(to)),
+            strips: (top.max(first) as isize).min(last as isize)..last as isize,
+            shows_horizon,
+            horizon,
+        }
+    }
+
+    /// Rows by which the horizon is lower in a column than in its middle.
+    fn shift(&self, column: usize) -> isize {
+        (self.horizon.slope * (column as f64 - self.horizon.x)).round() as isize
+    }
+}
+
 impl Profiles {
     /// Computes the profiles of a picture; reuses the memory of `self`.
-    pub fn take(&mut self, image: &Image) {
+    pub fn take(&mut self, image: &Image, camera: Camera) {
         let Size { width, height } = image.size();
         let w = width as usize / 2;
         let h = height as usize / 2;
         self.size = (w, h);
+        self.layout = Layout::new(camera, w, h);
         image.halve_luma(&mut self.luma);
-        let row = |y: usize| &self.luma[y * w..][..w];
-        for (band, (top, bottom)) in self.bands.iter_mut().zip(rows_of_bands(h)) {
+        let luma = &self.luma;
+        // The layout leaves room for the shift; the clamp is for pictures of a few pixels.
+        let row = |y: isize| &luma[y.clamp(0, h as isize - 1) as usize * w..][..w];
+        let level = self.layout.horizon.slope == 0.0;
+        for (band, rows) in self.bands.iter_mut().zip(&self.layout.bands) {
             band.clear();
+            if w == 0 || h == 0 || rows.is_empty() {
+                continue;
+            }
             band.resize(w, 0.0);
-            for y in top..bottom {
-                for (sum, value) in band.iter_mut().zip(row(y)) {
-                    *sum += f32::from(*value);
+            for y in rows.clone() {
+                if level {
+                    for (sum, value) in band.iter_mut().zip(row(y)) {
+                        *sum += f32::from(*value);
+                    }
+                } else {
+                    for (column, sum) in band.iter_mut().enumerate() {
+                        *sum += f32::from(row(y + self.layout.shift(column))[column]);
+                    }
                 }
             }
-            let rows = (bottom - top).max(1) as f32;
+            let rows = rows.len() as f32;
             band.iter_mut().for_each(|sum| *sum /= rows);
         }
         let wide = w / STRIPS;
         for (number, strip) in self.strips.iter_mut().enumerate() {
-            let mean = |y: usize| {
-                let part = &row(y)[number * wide..][..wide];
+            let left = number * wide;
+            let shift = self.layout.shift(left + wide / 2);
+            let mean = |y: isize| {
+                let part = &row(y + shift)[left..][..wide];
                 let sum: u32 = part.iter().map(|value| u32::from(*value)).sum();
                 sum as f32 / wide.max(1) as f32
             };
             strip.clear();
-            strip.extend((top_of_strips(h)..h).map(mean));
-            self.plain[number] = is_plain(strip);
+            if h > 0 {
+                strip.extend(self.layout.strips.clone().map(mean));
+            }
+            self.plain[number] = self.layout.shows_horizon && is_plain(strip);
         }
     }
 
@@ -116,13 +196,20 @@ impl Profiles {
         if w < 2 * STRIPS || h < 8 || self.plain[AHEAD].contains(&false) {
             return None;
         }
-        Some(camera.focal_length(w as u32) * LENS_HEIGHT / (h as f64 / 2.0))
+        let size = Size {
+            width: w as u32,
+            height: h as u32,
+        };
+        let bottom = self.layout.strips.end as f64 - 0.5;
+        let nearest = camera.floor_position(self.layout.horizon.x, bottom, size)?;
+        Some(nearest.ahead)
     }
 
     /// How far below the horizon the foot of what stands ahead is, in half-size pixels: the edge
     /// that leaves the picture last when the robot drives on.
     pub fn foot_ahead(&self) -> Option<f64> {
-        let horizon = (self.size.1 / 2).checked_sub(top_of_strips(self.size.1))?;
+        let top = self.layout.strips.start as f64;
+        let horizon = (self.layout.horizon.y + 0.5 - top).max(0.0) as usize;
         let [left, right] = &self.strips[AHEAD] else {
             return None;
         };
@@ -137,7 +224,8 @@ impl Profiles {
             .zip(0u8..)
             .map(|(step, row)| step * f32::from(row));
         let middle = weighted.sum::<f32>() / near.iter().sum::<f32>();
-        Some((first + STEP_ROWS) as f64 + 0.5 + f64::from(middle))
+        let row = (horizon + first + STEP_ROWS) as f64 + f64::from(middle);
+        Some(top + row - self.layout.horizon.y)
     }
 }
 
@@ -152,16 +240,6 @@ fn steps(rows: &[f32]) -> impl Iterator<Item = f32> + '_ {
 fn is_plain(rows: &[f32]) -> bool {
     let is_usable = rows.iter().all(|row| USABLE_BRIGHTNESS.contains(row));
     is_usable && steps(rows).all(|step| step < STEP)
-}
-
-fn top_of_strips(height: usize) -> usize {
-    (TOP * height as f64) as usize
-}
-
-fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
-    let horizon = height / 2;
-    let row = |share: f64| ((1.0 + share) * horizon as f64) as usize;
-    BANDS.map(|(top, bottom)| (row(top), row(bottom)))
 }
 
 /// Decides whether the camera stood still between two pictures taken `apart` from each other, while
@@ -185,17 +263,27 @@ pub fn compare(
         // In a curve everything shifts, whether the robot is held or not.
         way.abs() >= LEAST_WAY && turned.abs() < LEAST_SHIFT
     };
-    if before.size != now.size || w < 2 * STRIPS || h < 8 || !is_visible {
+    if before.size != now.size
+        || before.layout != now.layout
+        || w < 2 * STRIPS
+        || h < 8
+        || !is_visible
+    {
         return Verdict::Unknown;
     }
-    let reach = focal * LENS_HEIGHT;
+    let horizon = now.layout.horizon;
+    // A point on the floor is this deep, in the camera's frame, over the cosine of the pitch and the
+    // rows below the horizon; driving reduces the depth by the cosine times the way.
+    let reach = focal * camera.height;
+    let pitch = camera.pitch.to_radians().cos();
     let expected = Expected {
-        way,
+        way: way * pitch * pitch,
+        middle: horizon.x,
         turned,
         focal,
         reach,
         plain: std::array::from_fn(|strip| before.plain[strip] && now.plain[strip]),
-        farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
+        farthest: (reach / (h as f64 - 0.5 - horizon.y)).min(ahead.unwrap_or(f64::INFINITY)),
     };
     expected.verdict(before, now)
 }
@@ -241,6 +329,8 @@ impl Tally {
 
 struct Expected {
     way: f64,
+    /// The column straight ahead.
+    middle: f64,
     /// Half-size pixels by which a turn on the spot shifts the middle of the picture to the right.
     turned: f64,
     focal: f64,
@@ -284,14 +374,14 @@ impl Expected {
 
     fn votes(&self, before: &Profiles, now: &Profiles, shift: i32) -> Tally {
         let mut votes = Tally::default();
-        let height = now.size.1;
+        let horizon = now.layout.horizon.y;
         let bands = before.bands.iter().zip(&now.bands);
-        for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
-            let rows = top as f64 - height as f64 / 2.0;
+        for ((before, now), band) in bands.zip(&now.layout.bands) {
+            let rows = band.start as f64 - 0.5 - horizon;
             self.ask_band(before, now, rows, shift, &mut votes);
         }
         if self.way != 0.0 {
-            let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
+            let horizon = horizon + 0.5 - now.layout.strips.start as f64;
             for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
                 self.ask_strip(before, now, horizon, 2 * strip >= STRIPS, &mut votes);
             }
@@ -311,7 +401,7 @@ impl Expected {
     }
 
     fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, shift: i32, votes: &mut Tally) {
-        let middle = before.len() as f64 / 2.0 - 0.5;
+        let middle = self.middle;
         let growth = [false, true].map(|plain| self.growth(rows, plain));
         for (column, value) in now.iter().enumerate() {
             let x = column as f64 - middle;
@@ -391,7 +481,7 @@ mod tests {
 
     fn profiles(picture: &RgbImage) -> Profiles {
         let mut profiles = Profiles::default();
-        profiles.take(&Image::from_rgb(picture));
+        profiles.take(&Image::from_rgb(picture), Camera::default());
         profiles
     }
 
@@ -434,7 +524,11 @@ mod tests {
     fn only_a_surface_that_hides_all_floor_ahead_is_near() {
         let camera = Camera::default();
         let near = wall(0.4, 0.0, &BOTH_SIDES, 1).nearer_than(camera);
-        assert!((0.3..0.7).contains(&near.unwrap()), "{near:?}");
+        // The lens is 0.29 m above the floor, and 123.6 rows above the lower edge.
+        assert!(
+            (near.unwrap() - 0.29 * 379.87 / 123.6).abs() < 0.02,
+            "{near:?}"
+        );
         let with_floor = |row: u32| {
             profiles(&RgbImage::from_fn(320, 240, |_, y| {
                 Rgb([if y < row { 150 } else { 144 }; 3])
@@ -442,7 +536,7 @@ mod tests {
         };
         assert_eq!(with_floor(225).nearer_than(camera), None);
         let foot = with_floor(200).foot_ahead().unwrap();
-        assert!((foot - 40.0).abs() < 1.0, "{foot}");
+        assert!((foot - (199.5 - 115.91) / 2.0).abs() < 1.0, "{foot}");
         for grey in [0, 255] {
             let dazzled = profiles(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
             assert_eq!(dazzled.nearer_than(camera), None);

@@ -6,8 +6,9 @@ use crate::vision::picture::Image;
 
 /// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;
-/// The rows that are used, as shares of the height: above the horizon, where no floor is seen.
-const BAND: (f64, f64) = (0.36, 0.5);
+/// The rows that are used: from this share of the height above the horizon to the horizon, where no
+/// floor is seen.
+const BAND: f64 = 0.14;
 /// Least overlap of two skylines, as a share of their length.
 const OVERLAP: f64 = 0.4;
 /// Least standard deviation of the brightness along the horizon, of 255, for a measurement.
@@ -25,29 +26,42 @@ impl Skyline {
     /// The skyline of a picture.
     pub fn from_image(image: &Image, camera: Camera) -> Skyline {
         let size = image.size();
-        let rows = |share: f64| (f64::from(size.height) * share) as u32;
-        let top = rows(BAND.0);
-        let bottom = rows(BAND.1);
-        if top >= bottom || size.width < 2 {
+        let horizon = camera.horizon(size);
+        let shift = |column: usize| horizon.slope * (column as f64 - horizon.x);
+        let height = f64::from(size.height);
+        // Rows that a tilted horizon leaves free at both edges.
+        let tilt = shift(0).abs().max(shift(size.width as usize).abs()).ceil();
+        let bottom = (horizon.y + 0.5).min(height - tilt);
+        let top = (bottom - BAND * height).max(tilt);
+        if bottom - top < 1.0 || size.width < 2 {
             return Skyline::default();
         }
+        let top = top as u32;
+        let bottom = bottom as u32;
         let mut columns = vec![0u32; size.width as usize];
         for y in top..bottom {
-            let row = image.luma_row(y);
-            columns
-                .iter_mut()
-                .zip(row)
-                .for_each(|(sum, value)| *sum += u32::from(*value));
+            if horizon.slope == 0.0 {
+                let row = image.luma_row(y);
+                columns
+                    .iter_mut()
+                    .zip(row)
+                    .for_each(|(sum, value)| *sum += u32::from(*value));
+            } else {
+                for (column, sum) in columns.iter_mut().enumerate() {
+                    let y = (f64::from(y) + shift(column)).clamp(0.0, height - 1.0);
+                    *sum += u32::from(image.luma_row(y as u32)[column]);
+                }
+            }
         }
-        let rows = f64::from(bottom - top);
+        let rows = f64::from(bottom - top).max(1.0);
         let mean = |column: usize| f64::from(columns[column]) / rows;
         let last = columns.len() - 1;
         let row = f64::from(top + bottom) / 2.0;
         let bearings: Vec<f64> = (0..columns.len())
-            .map(|column| camera.bearing(column as f64, row, size))
+            .map(|column| camera.bearing(column as f64, row + shift(column), size))
             .collect();
         let bearing = |column: usize| bearings[column];
-        let half = (bearing(0) / STEP) as i32;
+        let half = (bearing(0).min(-bearing(last)) / STEP) as i32;
         let mut places = Vec::new();
         let mut column = 0;
         for place in -half..=half {

@@ -32,7 +32,7 @@ const IN_BALL_ROI: Roi = Roi {
     h: 25,
 };
 /// A camera with a wide, sharp view.
-const WIDE: &str = "camera: { hfov_degrees: 60, quality: 75, subsampling: '4:2:2' }\n";
+const WIDE: &str = "camera: { height: 0.2, hfov_degrees: 60, quality: 75, subsampling: '4:2:2' }\n";
 /// A region of bare wall above the ball.
 const ON_WALL: &str = "150,20,40,40";
 

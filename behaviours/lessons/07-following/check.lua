@@ -20,9 +20,11 @@ local function goes_to(sim, ball, behind)
 	local now = sim:ball(1)
 	local pushed = math.abs(now.x - ball.x) + math.abs(now.y - ball.y)
 	expect(pushed < 0.05, "It has pushed the ball away: it should stop earlier.")
-	local last = sim:distance()
+	local last, faces = sim:distance(), sim:pose().heading
 	sim:wait(3)
 	expect(sim:distance() - last < 0.05, "It is near the ball and still driving: it should stop there.")
+	local turned = math.abs(math.sin((sim:pose().heading - faces) / 2))
+	expect(turned < 0.25, "It has lost the ball and turns on the spot: right in front of the robot a ball is below the picture. It should stop earlier.")
 	expect(gap(sim) < 1, "It came near the ball, but did not stay there.")
 end
 

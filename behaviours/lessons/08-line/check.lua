@@ -40,18 +40,20 @@ end
 -- Returns how fast the robot turns when it is put down `left` metres to the left of the line, in
 -- radians per second.
 local function turning(sim, left)
-	hold(sim, left)
-	sim:wait(0.4) -- time for a picture to arrive and to have an effect
+	for _ = 1, 5 do -- time for a picture to arrive and to have an effect
+		hold(sim, left)
+		sim:wait(0.1)
+	end
 	hold(sim, left)
 	local before = sim:pose().heading
-	sim:wait(0.3)
-	return (sim:pose().heading - before) / 0.3
+	sim:wait(0.15)
+	return (sim:pose().heading - before) / 0.15
 end
 
 scenario("The farther the line is to one side, the faster it turns", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 60 }, function(sim)
 	sim:run()
 	sim:wait(1)
-	local much, little = turning(sim, 0.09), turning(sim, 0.02)
+	local much, little = turning(sim, 0.18), turning(sim, 0.06)
 	expect(much < -0.1, "The line is to the right, but it does not turn right: for that the second number of robot.drive must be negative.")
 	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
 end)

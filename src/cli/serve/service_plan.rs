@@ -17,6 +17,7 @@ use crate::config::{Config, Entry, Idle, Service, Start};
 use crate::live::RunDefinition;
 use crate::service::{IdlePolicy, Reload, ServicePlan};
 use crate::timetable::Timetable;
+use crate::vision::Camera;
 
 /// The plan, with fingerprints to detect changes.
 #[derive(Clone)]
@@ -36,6 +37,8 @@ pub(super) struct PlanLoader {
     pub(super) seed: u64,
     pub(super) console: Console,
     pub(super) clock: Clock,
+    /// The camera of a simulated robot, instead of the config's.
+    pub(super) camera: Option<Camera>,
     /// The time zone to use if the config sets none.
     pub(super) zone: Zone,
 }
@@ -145,7 +148,8 @@ impl PlanLoader {
             settings: self.settings.reloaded(),
             ..self.clone()
         };
-        let config = loader.settings.config()?.clone();
+        let mut config = loader.settings.config()?.clone();
+        config.camera = self.camera.unwrap_or(config.camera);
         let loaded = loader.load(&config)?;
         Ok((config, loaded))
     }

@@ -58,6 +58,10 @@ pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult
         registry.add_field_method_get("bytes", |_, held| Ok(held.frame.jpeg.len()));
         registry.add_field_method_get("width", |_, held| Ok(held.size.width));
         registry.add_field_method_get("height", |_, held| Ok(held.size.height));
+        let of_camera = Rc::clone(&shared);
+        registry.add_field_method_get("lens_height", move |_, _| {
+            Ok(of_camera.borrow().options.camera.height)
+        });
         registry.add_field_method_get("age", move |_, held| {
             let now = shared.borrow().now;
             let age = now.saturating_duration_since(held.frame.at);
@@ -319,8 +323,11 @@ fn pixel(call: &mut Call<'_>) -> NativeResult {
     }
 }
 
-pub(super) const GEOMETRY: &Natives =
-    &[("Frame:direction", direction), ("Frame:pixel_at", pixel_at)];
+pub(super) const GEOMETRY: &Natives = &[
+    ("Frame:direction", direction),
+    ("Frame:floor_position", floor_position),
+    ("Frame:pixel_at", pixel_at),
+];
 
 /// `frame:direction(x, y)`: `bearing, elevation`, or nil in a damaged picture.
 fn direction(call: &mut Call<'_>) -> NativeResult {
@@ -331,6 +338,19 @@ fn direction(call: &mut Call<'_>) -> NativeResult {
     };
     let seen = call.state.options.camera.direction(x, y, size);
     call.reply((seen.bearing, seen.elevation))
+}
+
+/// `frame:floor_position(x, y)`: `ahead, left`, or nil above the horizon or in a damaged picture.
+fn floor_position(call: &mut Call<'_>) -> NativeResult {
+    let x = call.args.get(0)?;
+    let y = call.args.get(1)?;
+    let Some(size) = size(call)? else {
+        return call.reply(LuaValue::Nil);
+    };
+    match call.state.options.camera.floor_position(x, y, size) {
+        Some(place) => call.reply((place.ahead, place.left)),
+        None => call.reply(LuaValue::Nil),
+    }
 }
 
 /// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the

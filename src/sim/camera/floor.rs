@@ -7,15 +7,16 @@ use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
 use super::light::{Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Level, Pixel, Texture, between, lit};
-use super::view::{HEIGHT, Row, View, WIDTH};
+use super::view::{Canvas, Row, View};
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::World;
 use crate::sim::world::fixtures::Tape;
 use crate::sim::world::objects::{self, Rug};
 
-/// Number of columns that share one sample of the light on the floor.
-const PATCH: usize = 16;
+/// Number of columns that share one sample of the light on the floor; a canvas is a multiple of it
+/// wide.
+pub(super) const PATCH: usize = 16;
 
 pub(super) struct Floor {
     world: World,
@@ -25,9 +26,8 @@ pub(super) struct Floor {
 }
 
 impl Floor {
-    /// Creates the floor for a camera with this focal length, in pixels.
-    pub(super) fn new(world: &World, focal: f32) -> Floor {
-        let rows = (0..HEIGHT / 2).map(|row| Row::below_horizon(row, focal));
+    pub(super) fn new(world: &World, canvas: Canvas) -> Floor {
+        let rows = (0..canvas.height - canvas.horizon).map(|row| Row::below_horizon(row, canvas));
         Floor {
             world: world.clone(),
             texture: None,
@@ -49,19 +49,26 @@ impl Floor {
             .texture
             .get_or_insert_with(|| floor_texture(&self.world));
         let even = lighting.is_uniform() && !view.flash;
-        for row in HEIGHT / 2..HEIGHT {
+        let Canvas {
+            width,
+            height,
+            left,
+            horizon,
+            ..
+        } = view.canvas;
+        for row in horizon..height {
             let Row {
                 depth,
                 lamps,
                 flash,
-            } = self.rows[row - HEIGHT / 2];
+            } = self.rows[row - horizon];
             let texels = Texels::at_depth(floor, view, depth);
-            let line = &mut frame[row * WIDTH..][..WIDTH];
-            for (patch, floor_tops) in (0..WIDTH).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
+            let line = &mut frame[row * width..][..width];
+            for (patch, floor_tops) in (0..width).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
                 if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
                 }
-                let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
+                let middle = view.column(if even { left } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
                 let room = lighting.at(px, py);
                 let flash = flash * view.beam(middle);
@@ -86,11 +93,11 @@ struct Texels<'a> {
 
 impl<'a> Texels<'a> {
     fn at_depth(floor: &'a Texture, view: &View, depth: f32) -> Texels<'a> {
-        let level = floor.level(depth / view.focal);
+        let level = floor.level(depth / view.canvas.focal);
         let [y, x] = level.scale.map(|scale| scale * 256.0);
         let start = view.place(view.column(0), depth);
         let next = view.place(view.column(1), depth);
-        let stride = match depth / view.focal * level.scale[1] {
+        let stride = match depth / view.canvas.focal * level.scale[1] {
             pixels if pixels < 0.25 => 4,
             pixels if pixels < 0.6 => 2,
             _ => 1,

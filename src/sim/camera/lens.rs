@@ -1,24 +1,44 @@
-//! Radial lens distortion (Brown-Conrady model: a point at distance r from the image centre, in
-//! focal lengths, appears at r (1 + k1 r² + k2 r⁴)). Shares no code with `vision`, which corrects
-//! the distortion, so that an error in one is not masked by the same error in the other.
+//! The camera's pose and lens: where each pixel of the frame is in the rendered image, which is
+//! level and without distortion. The lens follows Brown and Conrady: k1 and k2 shift a point along
+//! the radius, p1 and p2 aside too. Shares no code with `vision`, which corrects all this, so that an
+//! error in one is not masked by the same error in the other.
 
+use super::floor::PATCH;
 use super::texture::{Pixel, mix};
-use super::view::{HEIGHT, WIDTH};
-use crate::sim::world::settings::CameraSettings;
+use super::view::{Canvas, HEIGHT, WIDTH};
+use crate::sim::world::settings::{CameraSettings, LensNumbers};
 
-/// Number of entries of the table that inverts the distortion.
-const STEPS: usize = 4000;
-/// Largest distance from the image centre that the table covers, in focal lengths.
-const FARTHEST: f32 = 12.0;
+/// Most steps to find where the distortion comes from, and the error, in focal lengths, at which the
+/// search ends.
+const MAX_STEPS: usize = 200;
+const CLOSE: f64 = 1e-7;
+/// Columns and rows of the canvas beyond those that the frame shows.
+const MARGIN: f64 = 2.0;
+/// Largest slope of a ray of the canvas.
+const STEEPEST: f64 = 4.0;
 
-/// A lens, with the source of each pixel in the renderer's undistorted image.
+/// Pose and lens, with the source of each pixel in the rendered image.
 pub(super) struct Lens {
-    /// Focal length of the undistorted image, in pixels; shorter than that of the distorted image
-    /// if the corners of that one show more.
-    pub(super) focal: f32,
-    /// Empty for a lens without distortion.
+    optics: Optics,
+    canvas: Canvas,
+    /// Computed for the first frame: most simulated robots never take one.
     sources: Vec<Source>,
     frame: Vec<Pixel>,
+}
+
+/// What turns a pixel of the frame into a ray.
+#[derive(Debug, Clone, Copy)]
+struct Optics {
+    numbers: LensNumbers,
+    pitch: f64,
+    roll: f64,
+}
+
+/// Slopes of a ray to the right and down, per unit of length ahead.
+#[derive(Debug, Clone, Copy, Default)]
+struct Slopes {
+    right: f64,
+    down: f64,
 }
 
 /// A place between four pixels.
@@ -33,43 +53,37 @@ struct Source {
 
 impl Lens {
     pub(super) fn new(settings: &CameraSettings) -> Lens {
-        let focal = focal(settings);
-        let distortion = settings.distortion();
-        if distortion == [0.0, 0.0] {
-            return Lens {
-                focal,
-                sources: Vec::new(),
-                frame: Vec::new(),
-            };
-        }
-        let inverse = InverseDistortion::new(distortion);
-        let places: Vec<(f32, f32)> = (0..WIDTH * HEIGHT)
-            .map(|index| {
-                let (x, y) = from_middle(index);
-                let distorted = x.hypot(y) / focal;
-                let scale = inverse.undistorted(distorted) / distorted;
-                (x / focal * scale, y / focal * scale)
-            })
-            .collect();
-        let widest = places.iter().fold((0.0_f32, 0.0_f32), |(x, y), place| {
-            (x.max(place.0.abs()), y.max(place.1.abs()))
-        });
-        let reach = (WIDTH as f32 / 2.0 - 1.0, HEIGHT as f32 / 2.0 - 1.0);
-        let undistorted_focal = (reach.0 / widest.0).min(reach.1 / widest.1);
+        let optics = Optics {
+            numbers: settings.lens(),
+            pitch: settings.pitch.to_radians(),
+            roll: settings.roll.to_radians(),
+        };
         Lens {
-            focal: undistorted_focal,
-            sources: places
-                .iter()
-                .map(|(right, down)| Source::at(*right, *down, undistorted_focal))
-                .collect(),
+            optics,
+            canvas: optics.canvas(settings.height as f32),
+            sources: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
         }
     }
 
-    /// Applies the distortion to a rendered image.
-    pub(super) fn distort(&mut self, undistorted: &[Pixel]) {
+    /// Returns the image to render.
+    pub(super) fn canvas(&self) -> Canvas {
+        self.canvas
+    }
+
+    /// Returns the last frame.
+    pub(super) fn frame(&self) -> &[Pixel] {
+        &self.frame
+    }
+
+    /// Takes a frame of the rendered image.
+    pub(super) fn take(&mut self, rendered: &[Pixel]) {
+        if self.sources.is_empty() {
+            self.sources = self.optics.sources(self.canvas);
+        }
+        let width = self.canvas.width;
         let at = |index: usize| {
-            undistorted
+            rendered
                 .get(index)
                 .map_or(0, |pixel| u32::from_le_bytes(*pixel))
         };
@@ -78,119 +92,231 @@ impl Lens {
             let right = u32::from(source.right);
             let below = u32::from(source.below);
             let upper = mix(at(index), at(index + 1), right);
-            let lower = mix(at(index + WIDTH), at(index + WIDTH + 1), right);
+            let lower = mix(at(index + width), at(index + width + 1), right);
             *pixel = mix(upper, lower, below).to_le_bytes();
         }
     }
+}
 
-    /// Returns the last distorted image, or `undistorted` itself for a lens without distortion.
-    pub(super) fn output<'a>(&'a self, undistorted: &'a [Pixel]) -> &'a [Pixel] {
-        if self.sources.is_empty() {
-            undistorted
-        } else {
-            &self.frame
+impl Optics {
+    /// Returns the image that covers all that the frame shows, whose outermost rays are those of
+    /// the frame's edge.
+    fn canvas(&self, eye: f32) -> Canvas {
+        let focal = self.numbers.focal[0].max(self.numbers.focal[1]);
+        let columns = 0..WIDTH;
+        let rows = 0..HEIGHT;
+        let across = columns.flat_map(|column| [(column, 0), (column, HEIGHT - 1)]);
+        let along = rows.flat_map(|row| [(0, row), (WIDTH - 1, row)]);
+        let mut least = Slopes::default();
+        let mut most = Slopes::default();
+        for (column, row) in across.chain(along) {
+            let ray = self.ray(column, row, None);
+            least.right = least.right.min(ray.right);
+            least.down = least.down.min(ray.down);
+            most.right = most.right.max(ray.right);
+            most.down = most.down.max(ray.down);
+        }
+        let pixels = |slope: f64| (slope.min(STEEPEST) * focal + MARGIN).ceil() as usize;
+        let left = pixels(-least.right);
+        let horizon = pixels(-least.down);
+        Canvas {
+            width: (left + pixels(most.right)).next_multiple_of(PATCH),
+            height: horizon + pixels(most.down),
+            left,
+            horizon,
+            focal: focal as f32,
+            eye,
+        }
+    }
+
+    fn sources(&self, canvas: Canvas) -> Vec<Source> {
+        let mut sources = Vec::with_capacity(WIDTH * HEIGHT);
+        for row in 0..HEIGHT {
+            let mut last = None;
+            for column in 0..WIDTH {
+                let straight = self.straightened(column, row, last);
+                last = Some(straight);
+                sources.push(Source::new(self.turned(straight), canvas));
+            }
+        }
+        sources
+    }
+
+    /// Returns the level ray that a pixel shows.
+    fn ray(&self, column: usize, row: usize, near: Option<Slopes>) -> Slopes {
+        self.turned(self.straightened(column, row, near))
+    }
+
+    /// Returns where a lens without distortion would show a pixel, starting to search `near`.
+    fn straightened(&self, column: usize, row: usize, near: Option<Slopes>) -> Slopes {
+        let LensNumbers { focal, centre, .. } = self.numbers;
+        let wanted = Slopes {
+            right: (column as f64 - centre[0]) / focal[0],
+            down: (row as f64 - centre[1]) / focal[1],
+        };
+        let mut found = near.unwrap_or(wanted);
+        for _ in 0..MAX_STEPS {
+            let seen = self.bent(found);
+            let right = wanted.right - seen.right;
+            let down = wanted.down - seen.down;
+            found.right += right;
+            found.down += down;
+            if right.abs().max(down.abs()) < CLOSE {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Applies the distortion.
+    fn bent(&self, Slopes { right: x, down: y }: Slopes) -> Slopes {
+        let [k1, k2, p1, p2] = self.numbers.distortion;
+        let r2 = x * x + y * y;
+        let along = k1 * r2 + k2 * r2 * r2;
+        Slopes {
+            right: x + x * along + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            down: y + y * along + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        }
+    }
+
+    /// Turns a ray from the camera's axes to level ones.
+    fn turned(&self, ray: Slopes) -> Slopes {
+        let (sin, cos) = self.roll.sin_cos();
+        let right = ray.right * cos + ray.down * sin;
+        let down = ray.down * cos - ray.right * sin;
+        let (sin, cos) = self.pitch.sin_cos();
+        let ahead = (cos + down * sin).max(1e-3);
+        Slopes {
+            right: right / ahead,
+            down: (down * cos - sin) / ahead,
         }
     }
 }
 
 impl Source {
-    fn at(right: f32, down: f32, focal: f32) -> Source {
-        let x = (right * focal + WIDTH as f32 / 2.0 - 0.5).clamp(0.0, WIDTH as f32 - 1.01);
-        let y = (down * focal + HEIGHT as f32 / 2.0 - 0.5).clamp(0.0, HEIGHT as f32 - 1.01);
-        let share = |place: f32| (place.fract() * 256.0) as u16;
+    fn new(ray: Slopes, canvas: Canvas) -> Source {
+        let fixed = |slope: f64, before: usize, length: usize| {
+            let place = slope * f64::from(canvas.focal) + before as f64 - 0.5;
+            (place.clamp(0.0, length as f64 - 1.01) * 256.0).round() as u32
+        };
+        let x = fixed(ray.right, canvas.left, canvas.width);
+        let y = fixed(ray.down, canvas.horizon, canvas.height);
         Source {
-            index: y as u32 * WIDTH as u32 + x as u32,
-            right: share(x),
-            below: share(y),
+            index: (y >> 8) * canvas.width as u32 + (x >> 8),
+            right: (x & 255) as u16,
+            below: (y & 255) as u16,
         }
     }
-}
-
-/// Returns the focal length without distortion, in pixels.
-fn focal(settings: &CameraSettings) -> f32 {
-    let hfov = settings.hfov_degrees().to_radians() as f32;
-    WIDTH as f32 / 2.0 / (hfov / 2.0).tan()
-}
-
-/// Returns how far a pixel's centre lies to the right of and below the image centre.
-fn from_middle(index: usize) -> (f32, f32) {
-    let column = index % WIDTH;
-    let row = index / WIDTH;
-    let off = |place: usize, length: usize| place as f32 + 0.5 - length as f32 / 2.0;
-    (off(column, WIDTH), off(row, HEIGHT))
-}
-
-/// The inverse distortion: the distorted distance from the image centre for each undistorted one,
-/// up to the distance at which the lens would fold the image.
-struct InverseDistortion(Vec<f32>);
-
-impl InverseDistortion {
-    fn new([k1, k2]: [f64; 2]) -> InverseDistortion {
-        let k1 = k1 as f32;
-        let k2 = k2 as f32;
-        let distorted = (0..STEPS).map(|step| {
-            let r = distance(step as f32);
-            r * (1.0 + r * r * (k1 + k2 * r * r))
-        });
-        let mut last = -1.0;
-        InverseDistortion(
-            distorted
-                .take_while(|distorted| *distorted > std::mem::replace(&mut last, *distorted))
-                .collect(),
-        )
-    }
-
-    fn undistorted(&self, distorted: f32) -> f32 {
-        let after = self.0.partition_point(|other| *other < distorted);
-        let (Some(near), Some(far)) = (self.0.get(after.wrapping_sub(1)), self.0.get(after)) else {
-            return distance(after.saturating_sub(1) as f32);
-        };
-        distance((after - 1) as f32 + (distorted - near) / (far - near))
-    }
-}
-
-fn distance(step: f32) -> f32 {
-    step * FARTHEST / STEPS as f32
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn lens(distortion: [f64; 2]) -> CameraSettings {
+    fn camera(distortion: [f64; 4]) -> CameraSettings {
         CameraSettings {
+            hfov_degrees: Some(45.6),
             distortion: Some(distortion),
             ..CameraSettings::default()
         }
     }
 
-    #[test]
-    fn a_lens_bends_straight_lines_except_through_the_centre() {
-        let mut lens = Lens::new(&lens([-0.25, 0.0]));
-        let mut undistorted = vec![[0; 4]; WIDTH * HEIGHT];
-        // A line along the upper edge of the undistorted image, and one through its centre.
-        let lines = [8, HEIGHT / 2 - 1, HEIGHT / 2];
-        for row in lines {
-            undistorted[row * WIDTH..][..WIDTH].fill([255, 0, 0, 0]);
-        }
-        lens.distort(&undistorted);
-        let seen = lens.output(&undistorted);
-        let red = |column: usize, row: usize| seen[row * WIDTH + column][0] > 100;
-        assert!((0..WIDTH).all(|column| red(column, HEIGHT / 2)));
-        let upper = |column: usize| (0..60).find(|row| red(column, *row));
-        let side = upper(20);
-        let middle = upper(WIDTH / 2);
-        assert!(
-            side > middle.map(|row| row + 3),
-            "{side:?} {middle:?}: no distortion"
-        );
+    /// A frame of an image with one red row, this many rows below the horizon.
+    fn red_row(settings: &CameraSettings, below: isize) -> Vec<Pixel> {
+        let mut lens = Lens::new(settings);
+        let Canvas {
+            width,
+            height,
+            horizon,
+            ..
+        } = lens.canvas();
+        let mut rendered = vec![[0; 4]; width * height];
+        let row = horizon.checked_add_signed(below).unwrap();
+        rendered[row * width..][..width].fill([255, 0, 0, 0]);
+        lens.take(&rendered);
+        lens.frame().to_vec()
+    }
+
+    /// The mean row of what is red in a column.
+    fn row(frame: &[Pixel], column: usize) -> f64 {
+        let weight = |row: usize| f64::from(frame[row * WIDTH + column][0]);
+        let sum: f64 = (0..HEIGHT).map(weight).sum();
+        let moment: f64 = (0..HEIGHT).map(|row| weight(row) * row as f64).sum();
+        moment / sum
     }
 
     #[test]
-    fn a_lens_without_distortion_changes_nothing() {
-        let lens = Lens::new(&lens([0.0, 0.0]));
-        let frame = vec![[7; 4]; 4];
-        assert_eq!(lens.output(&frame), frame);
-        assert!((lens.focal - 380.7).abs() < 0.5, "{}", lens.focal);
+    fn a_lens_bends_straight_lines_except_through_the_centre() {
+        let settings = camera([-0.25, 0.0, 0.0, 0.0]);
+        let middle = red_row(&settings, 0);
+        assert!((row(&middle, 20) - row(&middle, 160)).abs() < 0.1);
+        let upper = red_row(&settings, -100);
+        // At the radius 0.449 instead of 0.262, in focal lengths of 381 pixels.
+        let bend = row(&upper, 20) - row(&upper, 160);
+        assert!((bend - 100.0 * 0.25 * (0.449_f64.powi(2) - 0.262_f64.powi(2))).abs() < 0.5);
+    }
+
+    #[test]
+    fn a_level_lens_without_distortion_changes_nothing() {
+        let frame = red_row(&camera([0.0; 4]), 0);
+        for (index, pixel) in frame.iter().enumerate() {
+            let red = if index / WIDTH == 120 { 255 } else { 0 };
+            assert_eq!(pixel[0], red, "{index}");
+        }
+    }
+
+    #[test]
+    fn the_horizon_is_where_height_pitch_and_roll_put_it() {
+        for (pitch, roll) in [
+            (0.0, 0.0),
+            (-10.0, 0.0),
+            (10.0, 0.0),
+            (3.5, 7.5),
+            (-10.0, -4.0),
+        ] {
+            let settings = CameraSettings {
+                pitch,
+                roll,
+                ..camera([0.0; 4])
+            };
+            let frame = red_row(&settings, 0);
+            let focal: f64 = 160.0 / 22.8_f64.to_radians().tan();
+            // Looking up moves the horizon down; it falls to the right by the tangent of the roll.
+            let (sin, cos) = f64::to_radians(roll).sin_cos();
+            let below = focal * f64::to_radians(pitch).tan();
+            for column in [20, 160, 300] {
+                let right = column as f64 - 159.5;
+                let wanted = 119.5 + (below + right * sin) / cos;
+                let found = row(&frame, column);
+                assert!(
+                    (found - wanted).abs() < 1.0,
+                    "{pitch} {roll}: {found} {wanted}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn every_pose_renders_all_that_the_frame_shows() {
+        for pitch in [-45.0, -20.0, 0.0, 30.0] {
+            for roll in [-30.0, 0.0, 30.0] {
+                let settings = CameraSettings {
+                    pitch,
+                    roll,
+                    ..CameraSettings::default()
+                };
+                let mut lens = Lens::new(&settings);
+                let Canvas { width, height, .. } = lens.canvas();
+                let mut rendered = vec![[9; 4]; width * height];
+                let edge = [9, 9, 9, 200];
+                rendered[..width].fill(edge);
+                rendered[(height - 1) * width..].fill(edge);
+                lens.take(&rendered);
+                assert!(
+                    lens.frame().iter().all(|pixel| *pixel == [9; 4]),
+                    "{pitch} {roll}"
+                );
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use super::light::{Light, Lighting, light};
 use super::scene::{Hit, Round, RoundKind, Scene, Thing};
 use super::surface::{Rgb, Surface, scaled};
 use super::texture::{Pixel, lit, motion_blur};
-use super::view::{Column, EYE, HEIGHT, HORIZON, View, WIDTH, lamps};
+use super::view::{Canvas, Column, HEIGHT, View, lamps};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::World;
 
@@ -20,7 +20,7 @@ pub(super) struct Renderer {
     pub(super) scene: Scene,
     pub(super) lighting: Lighting,
     floor: Floor,
-    focal: f32,
+    canvas: Canvas,
     lamp: Lamp,
     exposure: f32,
     frame: Vec<Pixel>,
@@ -40,25 +40,24 @@ struct Lamp {
 }
 
 impl Renderer {
-    /// Creates a renderer for a camera with this focal length in pixels, without distortion.
-    pub(super) fn new(world: &World, focal: f32) -> Renderer {
+    pub(super) fn new(world: &World, canvas: Canvas) -> Renderer {
         let room = &world.room;
         Renderer {
             scene: Scene::new(world),
             lighting: Lighting::new(world),
-            floor: Floor::new(world, focal),
-            focal,
+            floor: Floor::new(world, canvas),
+            canvas,
             lamp: Lamp {
                 at: Point::new(room.width * 0.45, room.depth * 0.6),
                 height: room.height as f32,
             },
             exposure: 1.0,
-            frame: vec![[0; 4]; WIDTH * HEIGHT],
-            ceiling: vec![[0; 4]; HEIGHT],
+            frame: vec![[0; 4]; canvas.width * canvas.height],
+            ceiling: vec![[0; 4]; canvas.height],
             sums: Vec::new(),
-            standing: vec![Vec::new(); WIDTH],
-            overlays: vec![Vec::new(); WIDTH],
-            floor_tops: vec![HEIGHT; WIDTH],
+            standing: vec![Vec::new(); canvas.width],
+            overlays: vec![Vec::new(); canvas.width],
+            floor_tops: vec![canvas.height; canvas.width],
         }
     }
 
@@ -70,22 +69,22 @@ impl Renderer {
     /// while the shutter is open.
     pub(super) fn render(&mut self, pose: Pose, flash: bool, exposure: f32, turned: f64) {
         self.exposure = exposure;
-        let view = View::new(pose, self.focal, flash);
+        let view = View::new(pose, self.canvas, flash);
         self.find_things(&view);
         self.light_ceiling();
-        for index in 0..WIDTH {
+        for index in 0..self.canvas.width {
             self.paint_column(&view, view.column(index));
         }
         let frame = &mut self.frame;
         let floor_tops = &self.floor_tops;
         self.floor
             .paint(frame, floor_tops, &view, &self.lighting, exposure);
-        for index in 0..WIDTH {
+        for index in 0..self.canvas.width {
             self.paint_overlays(&view, view.column(index));
         }
-        let length = ((turned * f64::from(self.focal)).round() as usize).min(MAX_BLUR);
+        let length = ((turned * f64::from(self.canvas.focal)).round() as usize).min(MAX_BLUR);
         if length > 1 {
-            for row in self.frame.chunks_exact_mut(WIDTH) {
+            for row in self.frame.chunks_exact_mut(self.canvas.width) {
                 motion_blur(row, length, &mut self.sums);
             }
         }
@@ -122,8 +121,14 @@ impl Renderer {
     /// hides it.
     fn paint_column(&mut self, view: &View, column: Column) {
         let standing = std::mem::take(&mut self.standing[column.index]);
-        let mut limit = HEIGHT;
-        let mut floor_top = HEIGHT / 2;
+        let Canvas {
+            width,
+            height,
+            horizon,
+            ..
+        } = self.canvas;
+        let mut limit = height;
+        let mut floor_top = horizon;
         for (number, hit) in standing.iter().enumerate() {
             let top = view.row(self.top_of(hit.thing), hit.depth);
             let foot = view.row(0.0, hit.depth).min(limit);
@@ -138,14 +143,10 @@ impl Renderer {
                 break;
             }
         }
-        self.floor_tops[column.index] = floor_top.max(HEIGHT / 2);
-        let ceiling_rows = if standing.is_empty() {
-            HEIGHT / 2
-        } else {
-            limit
-        };
+        self.floor_tops[column.index] = floor_top.max(horizon);
+        let ceiling_rows = if standing.is_empty() { horizon } else { limit };
         for (row, colour) in self.ceiling[..ceiling_rows].iter().enumerate() {
-            self.frame[row * WIDTH + column.index] = *colour;
+            self.frame[row * width + column.index] = *colour;
         }
         self.standing[column.index] = standing;
     }
@@ -173,8 +174,10 @@ impl Renderer {
         let x = self.lamp.at.x as f32;
         let y = self.lamp.at.y as f32;
         let room = self.lighting.at(x, y);
+        let horizon = self.canvas.horizon as f32;
         for (row, colour) in self.ceiling.iter_mut().enumerate() {
-            let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
+            let down = (row as f32 - horizon) / (HEIGHT as f32 / 2.0);
+            let shade = (1.0 + 0.20 * down.clamp(-2.0, 0.0)) * self.exposure;
             *colour = lit(CEILING, light(room.map(|channel| channel * shade)));
         }
     }
@@ -213,7 +216,7 @@ impl Renderer {
         let length = panel.length;
         let bottom = panel.bottom;
         let light = light(room.map(|channel| channel * panel.light));
-        let size = depth / view.focal;
+        let size = depth / view.canvas.focal;
         let level = self.scene.picture(index).level(size);
         let strip = level.strip(share * length);
         // Fixed point: 65,536ths of the strip's texels.
@@ -224,7 +227,7 @@ impl Renderer {
         for row in rows {
             place -= step;
             let place = (place.max(0) >> 16) as usize;
-            let index = row * WIDTH + column.index;
+            let index = row * view.canvas.width + column.index;
             self.frame[index] = lit(strip[place.min(last)], light);
         }
     }
@@ -266,7 +269,7 @@ impl Renderer {
             let standing = self.standing[column.index].iter();
             let nearer = standing.take_while(|other| other.depth < hit.depth);
             let limit = nearer.map(|other| view.row(self.top_of(other.thing), other.depth));
-            let limit = limit.min().unwrap_or(HEIGHT);
+            let limit = limit.min().unwrap_or(view.canvas.height);
             match hit.thing {
                 Thing::Panel { index, share } => {
                     let panel = &self.scene.panels[index];
@@ -301,9 +304,9 @@ impl Renderer {
         let lamp = scaled(way, 1.0 / dot(way, way).sqrt().max(1e-3));
         let room = light(self.light_on(view, column, ahead));
         for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest).min(limit) {
-            let down = (row as f32 + 0.5 - HORIZON) / view.focal;
-            let ray = [1.0, column.slope, down];
-            let Some(normal) = sphere_normal(ray, [ahead, right, EYE - radius], radius) else {
+            let ray = [1.0, column.slope, view.down(row)];
+            let Some(normal) = sphere_normal(ray, [ahead, right, view.canvas.eye - radius], radius)
+            else {
                 continue;
             };
             self.put(column.index, row, ball_colour(paint, normal, lamp), room);
@@ -312,7 +315,7 @@ impl Renderer {
 
     fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
         // The conversion from float to byte saturates.
-        let index = row * WIDTH + column;
+        let index = row * self.canvas.width + column;
         self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
     }
 }

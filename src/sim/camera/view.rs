@@ -8,19 +8,31 @@ pub const WIDTH: usize = 320;
 /// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const HEIGHT: usize = 240;
 
-/// Height of the lens above the floor, metres.
-pub(crate) const EYE: f32 = 0.20;
 /// Distance of the lens in front of the robot's centre, metres.
 const AHEAD: f64 = 0.10;
-/// The row at which points at the height of the lens appear.
-pub(crate) const HORIZON: f32 = HEIGHT as f32 / 2.0;
+
+/// The image that is rendered: what a lens without distortion that looks level would show. It covers
+/// whatever the frame shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Canvas {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Number of columns to the left of the direction straight ahead.
+    pub(crate) left: usize,
+    /// Number of rows above the horizon.
+    pub(crate) horizon: usize,
+    /// Focal length, pixels.
+    pub(crate) focal: f32,
+    /// Height of the lens above the floor, metres.
+    pub(crate) eye: f32,
+}
 
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     pub(crate) eye: Point,
     sin: f64,
     cos: f64,
-    pub(crate) focal: f32,
+    pub(crate) canvas: Canvas,
     pub(crate) flash: bool,
 }
 
@@ -42,15 +54,15 @@ pub(crate) struct Column {
 }
 
 impl View {
-    /// Creates the view of a robot at `pose`; `focal` is in pixels.
-    pub(crate) fn new(pose: Pose, focal: f32, flash: bool) -> View {
+    /// Creates the view of a robot at `pose`.
+    pub(crate) fn new(pose: Pose, canvas: Canvas, flash: bool) -> View {
         let (sin, cos) = pose.heading.sin_cos();
         let eye = pose.point().ahead(pose.heading, AHEAD);
         View {
             eye,
             sin,
             cos,
-            focal,
+            canvas,
             flash,
         }
     }
@@ -58,18 +70,24 @@ impl View {
     pub(crate) fn column(&self, index: usize) -> Column {
         Column {
             index,
-            slope: (index as f32 + 0.5 - WIDTH as f32 / 2.0) / self.focal,
+            slope: (index as f32 + 0.5 - self.canvas.left as f32) / self.canvas.focal,
         }
     }
 
     /// Returns the columns between two slopes, with one more on each side to compensate for
     /// rounding.
     pub(crate) fn columns(&self, left: f32, right: f32) -> std::ops::Range<usize> {
-        let column = |slope: f32| slope * self.focal + WIDTH as f32 / 2.0;
+        let Canvas {
+            width,
+            left: middle,
+            focal,
+            ..
+        } = self.canvas;
+        let column = |slope: f32| slope * focal + middle as f32;
         // The conversion turns a negative float into 0.
         let from = (column(left) - 1.0) as usize;
         let to = (column(right) + 2.0) as usize;
-        from.min(WIDTH)..to.min(WIDTH)
+        from.min(width)..to.min(width)
     }
 
     /// Returns the direction vector of a column's ray, scaled to a depth of one metre.
@@ -88,15 +106,26 @@ impl View {
         )
     }
 
-    /// Returns the row in which a height above the floor appears at a depth, clamped to the frame.
+    /// Returns the row in which a height above the floor appears at a depth, clamped to the canvas.
     pub(crate) fn row(&self, height: f32, depth: f32) -> usize {
-        let row = HORIZON + (EYE - height) * self.focal / depth;
-        (row + 0.5).clamp(0.0, HEIGHT as f32) as usize
+        let Canvas {
+            horizon,
+            eye,
+            focal,
+            ..
+        } = self.canvas;
+        let row = horizon as f32 + (eye - height) * focal / depth;
+        (row + 0.5).clamp(0.0, self.canvas.height as f32) as usize
     }
 
     /// Returns the height above the floor that a row shows at a depth.
     pub(crate) fn height(&self, row: usize, depth: f32) -> f32 {
-        EYE - (row as f32 + 0.5 - HORIZON) * depth / self.focal
+        self.canvas.eye - self.down(row) * depth
+    }
+
+    /// Returns the slope downwards of a row's rays.
+    pub(crate) fn down(&self, row: usize) -> f32 {
+        (row as f32 + 0.5 - self.canvas.horizon as f32) / self.canvas.focal
     }
 
     pub(crate) fn place(&self, column: Column, depth: f32) -> (f32, f32) {
@@ -120,8 +149,8 @@ impl View {
 }
 
 impl Row {
-    pub(crate) fn below_horizon(row: usize, focal: f32) -> Row {
-        let depth = EYE * focal / (row as f32 + 0.5);
+    pub(crate) fn below_horizon(row: usize, canvas: Canvas) -> Row {
+        let depth = canvas.eye * canvas.focal / (row as f32 + 0.5);
         Row {
             depth,
             lamps: lamps(depth),

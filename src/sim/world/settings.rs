@@ -1,9 +1,10 @@
 //! A world's settings for the robot: its battery, its camera and its tracks.
 
+use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
 use crate::sim::yaml::number;
-use crate::vision::Subsampling;
+use crate::vision::{Camera, Subsampling};
 
 /// How the battery drains and charges. With the defaults it lasts hours, as on a real robot.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -41,14 +42,22 @@ pub struct CameraSettings {
     /// Frames per second while the video stream is on.
     #[serde(deserialize_with = "number::frames")]
     pub fps: f64,
-    /// Horizontal field of view without distortion, degrees; that of the robot's lens if omitted.
+    /// Height of the lens above the floor, metres.
+    #[serde(deserialize_with = "number::lens_height")]
+    pub height: f64,
+    /// Degrees by which the camera looks up; negative down.
+    #[serde(deserialize_with = "number::pitch")]
+    pub pitch: f64,
+    /// Degrees, positive when the horizon falls to the right in the picture.
+    #[serde(deserialize_with = "number::roll")]
+    pub roll: f64,
+    /// Horizontal field of view without distortion, degrees; the robot's own lens if omitted.
     #[serde(deserialize_with = "some_view")]
     pub hfov_degrees: Option<f64>,
-    /// Radial distortion `[k1, k2]`: a point at distance r from the image centre, in focal lengths,
-    /// appears at r (1 + k1 r² + k2 r⁴). If omitted, that of the robot's lens if `hfov_degrees` is
-    /// omitted too, otherwise none.
+    /// Distortion `[k1, k2]` or `[k1, k2, p1, p2]` after Brown and Conrady. If omitted, that of the
+    /// robot's lens if `hfov_degrees` is omitted too, otherwise none.
     #[serde(deserialize_with = "some_distortion")]
-    pub distortion: Option<[f64; 2]>,
+    pub distortion: Option<[f64; 4]>,
     /// Strength of the image grain, 0..=1.
     #[serde(deserialize_with = "number::share")]
     pub noise: f64,
@@ -72,6 +81,9 @@ impl Default for CameraSettings {
     fn default() -> CameraSettings {
         CameraSettings {
             fps: 15.0,
+            height: 0.29,
+            pitch: 0.0,
+            roll: 0.0,
             hfov_degrees: None,
             distortion: None,
             noise: 0.25,
@@ -84,37 +96,77 @@ impl Default for CameraSettings {
     }
 }
 
-/// Field of view of the robot's lens, from a measured focal length of 381 pixels.
-const HFOV_DEGREES: f64 = 45.6;
-/// Typical for such lenses; the distortion of the robot's lens is not known.
-const DISTORTION: [f64; 2] = [-0.25, 0.08];
+/// A lens: pixels of a frame, the centre of the first of which is 0, 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LensNumbers {
+    /// Focal lengths along columns and rows.
+    pub focal: [f64; 2],
+    /// Column and row of the optical axis.
+    pub centre: [f64; 2],
+    /// k1, k2, p1, p2.
+    pub distortion: [f64; 4],
+}
+
+/// The lens of genuine robots, as published.
+const GENUINE: LensNumbers = LensNumbers {
+    focal: [381.03, 379.87],
+    centre: [156.71, 115.91],
+    distortion: [0.25296, -0.91742, -0.00530, -0.00879],
+};
+/// Middle of a frame of 320x240.
+const MIDDLE: [f64; 2] = [159.5, 119.5];
 
 impl CameraSettings {
-    /// Returns the horizontal field of view without distortion, degrees.
-    pub fn hfov_degrees(&self) -> f64 {
-        self.hfov_degrees.unwrap_or(HFOV_DEGREES)
+    /// Returns the lens.
+    pub fn lens(&self) -> LensNumbers {
+        let usual = match self.hfov_degrees {
+            None => GENUINE,
+            Some(degrees) => LensNumbers {
+                focal: [160.0 / (degrees.to_radians() / 2.0).tan(); 2],
+                centre: MIDDLE,
+                distortion: [0.0; 4],
+            },
+        };
+        LensNumbers {
+            distortion: self.distortion.unwrap_or(usual.distortion),
+            ..usual
+        }
     }
 
-    /// Returns the radial distortion, k1 and k2.
-    pub fn distortion(&self) -> [f64; 2] {
-        let usual = match self.hfov_degrees {
-            None => DISTORTION,
-            Some(_) => [0.0, 0.0],
-        };
-        self.distortion.unwrap_or(usual)
+    /// Returns what an owner who has measured this camera writes into the config.
+    pub fn calibrated(&self) -> Camera {
+        let LensNumbers {
+            focal,
+            centre,
+            distortion,
+        } = self.lens();
+        Camera {
+            height: self.height,
+            pitch: self.pitch,
+            roll: self.roll,
+            focal,
+            centre,
+            distortion,
+        }
     }
 
     /// Whether the lens folds the image: it would show two directions at one place.
     pub(super) fn folds(&self) -> bool {
         const STEP: f64 = 0.002;
-        let [k1, k2] = self.distortion();
-        let corner = (self.hfov_degrees().to_radians() / 2.0).tan() * 1.25;
+        const LEAST: f64 = 0.1;
+        let LensNumbers {
+            focal,
+            centre: [x, y],
+            distortion: [k1, k2, p1, p2],
+        } = self.lens();
+        let corner = f64::max(x, 319.0 - x).hypot(f64::max(y, 239.0 - y)) / focal[0].min(focal[1]);
+        let aside = 6.0 * p1.hypot(p2);
         let mut r = 0.0;
         let mut distorted = 0.0;
         while distorted < corner {
             r += STEP;
             let farther = r * (1.0 + r * r * (k1 + k2 * r * r));
-            if farther <= distorted {
+            if farther <= distorted + STEP * (LEAST + aside * r) {
                 return true;
             }
             distorted = farther;
@@ -127,11 +179,18 @@ fn some_view<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error
     number::view_degrees(from).map(Some)
 }
 
-fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 2]>, D::Error> {
+fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 4]>, D::Error> {
     #[derive(Deserialize)]
     struct Factor(#[serde(deserialize_with = "number::distortion")] f64);
-    let [Factor(k1), Factor(k2)] = <[Factor; 2]>::deserialize(from)?;
-    Ok(Some([k1, k2]))
+    let factors = <Vec<Factor>>::deserialize(from)?;
+    match factors[..] {
+        [Factor(k1), Factor(k2)] => Ok(Some([k1, k2, 0.0, 0.0])),
+        [Factor(k1), Factor(k2), Factor(p1), Factor(p2)] => Ok(Some([k1, k2, p1, p2])),
+        _ => Err(D::Error::invalid_length(
+            factors.len(),
+            &"k1, k2 or k1, k2, p1, p2",
+        )),
+    }
 }
 
 /// How much the tracks differ and slip. By default they are perfect.

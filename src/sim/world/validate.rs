@@ -33,6 +33,7 @@ pub(super) fn check(world: &World) -> Result<(), ValidationError> {
     check_corners(world)?;
     check_signs(world)?;
     check_lens(world)?;
+    check_heights(world)?;
     check_places(world)?;
     check_start(world)
 }
@@ -95,10 +96,31 @@ fn check_lens(world: &World) -> Result<(), ValidationError> {
     if !world.camera.folds() {
         return Ok(());
     }
-    let [k1, k2] = world.camera.distortion();
-    let message =
-        format!("[{k1}, {k2}] folds the image: use values nearer to 0 or a narrower view");
+    let message = format!(
+        "{:?} folds the image: use values nearer to 0 or a narrower view",
+        world.camera.lens().distortion
+    );
     let path = [Key("camera"), Key("distortion")];
+    Err(ValidationError::new(&path, message))
+}
+
+/// Checks that all things are higher than the camera: no top surfaces are drawn.
+fn check_heights(world: &World) -> Result<(), ValidationError> {
+    let furniture = world.furniture.iter().map(|item| item.height);
+    let posts = world.posts.iter().map(|post| post.height);
+    let people = world.walkers.iter().map(|walker| walker.height);
+    let lowest = furniture
+        .chain(posts)
+        .chain(people)
+        .fold(f64::INFINITY, f64::min);
+    if world.camera.height < lowest {
+        return Ok(());
+    }
+    let message = format!(
+        "{} m is not below the top of the lowest thing, {lowest} m: use a lower camera or higher things",
+        world.camera.height
+    );
+    let path = [Key("camera"), Key("height")];
     Err(ValidationError::new(&path, message))
 }
 

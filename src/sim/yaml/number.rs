@@ -53,7 +53,7 @@ macro_rules! ranges {
 ranges! {
     room_side = 1.0..=30.0, "metres";
     coordinate = 0.0..=30.0, "metres";
-    /// Height of a thing; higher than the camera at 0.2 m, which never sees a top surface.
+    /// Height of a thing.
     height = 0.25..=5.0, "metres";
     /// Length or width of furniture.
     side = 0.02..=10.0, "metres";
@@ -61,6 +61,10 @@ ranges! {
     /// Radius of a ball or a post.
     radius = 0.02..=0.5, "metres";
     degrees = -360.0..=360.0, "degrees";
+    /// Height of the camera, which is below the tops of all things.
+    lens_height = 0.05..=0.33, "metres";
+    pitch = -45.0..=30.0, "degrees, up is positive";
+    roll = -30.0..=30.0, "degrees, positive when the horizon falls to the right";
     /// Horizontal field of view of the camera.
     view_degrees = 20.0..=120.0, "degrees";
     /// Distortion coefficient of a lens.

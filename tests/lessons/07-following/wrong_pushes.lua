@@ -1,4 +1,4 @@
--- wrong: It has pushed the ball away
+-- wrong: It has pushed the ball away|It has lost the ball
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 25 })[1]
 	if ball then
