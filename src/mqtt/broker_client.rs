@@ -395,6 +395,8 @@ async fn next_input(phase: &mut Phase) -> Input {
 
 /// Bytes per day.
 const PER_DAY: u64 = 1 << 20;
+/// Bytes of time and level before a line.
+const PREFIX: u64 = 40;
 
 /// Logs what clients of the broker cause, within a daily budget: any client can send endless
 /// commands, which must not fill the disk.
@@ -427,7 +429,7 @@ impl LimitedLog {
     /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
     /// appended, which may be empty.
     fn take(&mut self, line: &str, now: Instant) -> Option<String> {
-        if !self.budget.take(line.len() as u64, now) {
+        if !self.budget.take(line.len() as u64 + PREFIX, now) {
             self.dropped += 1;
             return None;
         }

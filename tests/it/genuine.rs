@@ -177,7 +177,7 @@ fn bearings_are_within_a_degree_all_over_the_picture() {
     let mut seen = 0;
     for step in 0..72 {
         let degrees = -23.4 + 0.65 * f64::from(step);
-        for (away, radius) in [(0.9, 0.05), (2.0, 0.1)] {
+        for (away, radius) in [(1.3, 0.05), (2.0, 0.1)] {
             let world = format!(
                 "room: {{ width: 8, depth: 8 }}\nstation: {{ at: [0, 4], heading_degrees: 0 }}\n\
                  start: {{ at: [4, 4], heading_degrees: 0 }}\ncamera: {{ noise: 0.25 }}\n\

@@ -155,7 +155,13 @@ impl HostileBroker {
         let lines = self.run.text().lines().count();
         assert!(
             bytes <= MAX_BYTES && lines <= MAX_LINES,
-            "{what}: {bytes} bytes, {lines} lines"
+            "{what}: {bytes} bytes, {lines} lines:\n{}",
+            self.run
+                .text()
+                .lines()
+                .take(60)
+                .collect::<Vec<_>>()
+                .join("\n")
         );
         drove_on(&self.rig, &mut self.run, self.from, what).await;
     }
