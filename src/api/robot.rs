@@ -93,7 +93,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", MOTION_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface, it works late or never.",
+        "Drives straight for a distance, and waits until the tracks stand. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface, it works late or never.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
@@ -104,7 +104,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", MOTION_SPEED, "default: half of full speed").unit("rad/s").optional(),
         ],
         ENDED,
-        "Turns on the spot, and waits until that is done. It can end early as `blocked`, like `robot.forward`.",
+        "Turns on the spot, and waits until the tracks stand. It can end early as `blocked`, like `robot.forward`.",
         "robot.turn(math.rad(90)) -- a quarter turn to the left",
     )
     .waiting(),

@@ -195,7 +195,8 @@ impl Pilot {
 
     pub(super) fn set_emergency_stop(&mut self, on: bool) -> Result<(), LinkLost> {
         let was = std::mem::replace(&mut self.emergency_stop.on, on);
-        self.handle(Fact::StoppedByPerson(on))?;
+        let now = Instant::now();
+        self.watchdog.apply(Fact::StoppedByPerson(on), now);
         match (was, on) {
             (false, true) => {
                 warn!("stopped by a person: nothing moves the robot until a person releases it");
