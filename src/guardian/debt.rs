@@ -18,9 +18,10 @@ const CONNECT_LIMIT: Duration = Duration::from_secs(1);
 /// How long a robot may take from the login to its first POWER, before which it obeys nothing
 /// (`PROTOCOL.md`, *Order after login*); as long as an agent waits by default.
 const FIRST_POWER_LIMIT: Duration = Duration::from_secs(10);
-/// How long it may take to answer the login, at first: what is lost on the way is sent again. After
-/// [`PATIENT_AFTER`] as long as for the first POWER, for a robot that is slow.
-const REPLY_LIMIT: Duration = Duration::from_secs(2);
+/// How long it may take to answer the login, at first, so that a login that was lost is repeated
+/// within 2 s of the robot being in reach again. After [`PATIENT_AFTER`] as long as for the first
+/// POWER, for a robot that is slow.
+const REPLY_LIMIT: Duration = Duration::from_millis(1500);
 const PATIENT_AFTER: Duration = Duration::from_secs(60);
 /// How long a robot that has acknowledged the stop may take to answer the questions behind it.
 const ANSWER_LIMIT: Duration = Duration::from_secs(3);
