@@ -372,7 +372,6 @@ impl Pilot {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
-        self.note_setpoint_queued();
         let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;

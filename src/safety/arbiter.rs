@@ -45,7 +45,7 @@ enum Start {
 #[derive(Debug, Clone, Copy)]
 struct TimeLimit {
     duration: Duration,
-    /// When it is over if it begins now, or has begun.
+    /// When it is over, unless it waits.
     until: Instant,
     start: Start,
 }
@@ -134,21 +134,22 @@ impl Arbiter {
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
-    /// Notes whether a MOVE with a new setpoint waits. Returns the timed setpoint that
-    /// has begun to wait, or has begun after it waited.
+    /// Notes whether a MOVE with a new setpoint waits. Returns the timed setpoint that has begun to
+    /// wait, or has begun after it waited.
     pub fn set_waiting(&mut self, waits: bool, now: Instant) -> Option<WaitingMotion> {
         let claim = self.claims.first_mut()?;
         let limit = claim.limit.as_mut()?;
-        let before = limit.start;
-        if before == Start::Begun {
-            return None;
-        }
-        limit.start = if waits { Start::Waits } else { Start::Begun };
-        if waits || before == Start::Waits {
-            limit.until = now + limit.duration;
-        }
-        if waits == (before == Start::Waits) {
-            return None;
+        match (limit.start, waits) {
+            (Start::Begun, _) | (Start::Waits, true) => return None,
+            (Start::New, false) => {
+                limit.start = Start::Begun;
+                return None;
+            }
+            (Start::New, true) => limit.start = Start::Waits,
+            (Start::Waits, false) => {
+                limit.start = Start::Begun;
+                limit.until = now + limit.duration;
+            }
         }
         Some(WaitingMotion {
             by: claim.by,

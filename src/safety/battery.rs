@@ -96,8 +96,8 @@ impl BatteryMonitor {
     pub const LEVEL_LIFETIME: Duration = Duration::from_secs(60);
 
     /// How long a battery must charge to count as good although its level is not known. Many stations
-    /// end charging after four hours (`PROTOCOL.md`, *The station*), so an hour is at least a quarter of a charge: a robot that came
-    /// home at 20 % has 45 % then, and a small battery is full.
+    /// end charging after four hours (`PROTOCOL.md`, *The station*), so an hour is at least a quarter
+    /// of a charge: a robot that came home at 20 % has 45 % then, and a small battery is full.
     pub const FILL_TIME: Duration = Duration::from_secs(60 * 60);
 
     /// The most points by which a level changes from one report to the next, besides ...

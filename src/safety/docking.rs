@@ -107,12 +107,7 @@ impl Docking {
         let phase = DockingPhase::AwaitingCharge {
             until: now + approach.plan.charge_timeout,
         };
-        let mut docking = Docking {
-            approach,
-            started: now,
-            attempts: 0,
-            phase,
-        };
+        let mut docking = Docking::new(approach, phase, now);
         let actions = if docked { vec![] } else { docking.search(now) };
         (docking, actions)
     }
@@ -122,13 +117,17 @@ impl Docking {
         let phase = DockingPhase::Leaving {
             until: now + Docking::LEAVE_TIMEOUT,
         };
-        let docking = Docking {
+        let docking = Docking::new(approach, phase, now);
+        (docking, vec![DockAction::Undock])
+    }
+
+    fn new(approach: DockLimits, phase: DockingPhase, now: Instant) -> Docking {
+        Docking {
             approach,
             started: now,
             attempts: 0,
             phase,
-        };
-        (docking, vec![DockAction::Undock])
+        }
     }
 
     /// Handles an ENGINE message.

@@ -94,7 +94,7 @@ impl Homing {
     /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
 
-    /// The longest grant: a search that takes longer has reached another place by itself.
+    /// The longest grant, also after a search that took all of its time.
     pub const LONGEST_GRANT: Duration = Duration::from_secs(30);
 
     const ALARM_FLASH: Duration = Duration::from_secs(1);

@@ -629,14 +629,7 @@ impl Watchdog {
 
     /// Begins a search of the watchdog's own or, on the station, the wait for charging.
     fn send_home(&mut self, now: Instant) {
-        let limits = DockLimits {
-            plan: DockPlan {
-                timeout: self.limits.dock_timeout.get(),
-                retries: 0,
-                charge_timeout: self.limits.charge_timeout.get(),
-            },
-            retry: Retry::Never,
-        };
+        let limits = self.own_dock_limits(0, Retry::Never);
         if let Some(active) = self.docking.take()
             && let Some(homing) = &mut self.homing
         {
@@ -654,14 +647,31 @@ impl Watchdog {
         now: Instant,
     ) {
         self.end_motion(MotionEnd::Preempted);
-        self.tracks.want(Setpoint::STOP);
         let (docking, actions) = Docking::start(limits, self.docked(), now);
-        self.docking = Some(ActiveDocking {
+        let active = ActiveDocking {
             docking,
             forced,
             callers,
-        });
+        };
+        self.begin_docking(active, actions, now);
+    }
+
+    fn begin_docking(&mut self, active: ActiveDocking, actions: Vec<DockAction>, now: Instant) {
+        self.tracks.want(Setpoint::STOP);
+        self.docking = Some(active);
         self.execute_dock_actions(actions, now);
+    }
+
+    /// The limits of a docking that no behaviour has asked for.
+    fn own_dock_limits(&self, retries: u32, retry: Retry) -> DockLimits {
+        DockLimits {
+            plan: DockPlan {
+                timeout: self.limits.dock_timeout.get(),
+                retries,
+                charge_timeout: self.limits.charge_timeout.get(),
+            },
+            retry,
+        }
     }
 
     fn continue_docking(&mut self, now: Instant) {
@@ -1047,14 +1057,8 @@ impl Watchdog {
     /// Docks again, from the station or off it. Nothing of it is forced: a behaviour that wants to
     /// drive ends it.
     fn dock_again(&mut self, now: Instant) {
-        let limits = DockLimits {
-            plan: DockPlan {
-                timeout: self.limits.dock_timeout.get(),
-                retries: DockPlan::default().retries,
-                charge_timeout: self.limits.charge_timeout.get(),
-            },
-            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
-        };
+        let retry = Retry::Reverse(Watchdog::BACK_OFF_TIME);
+        let limits = self.own_dock_limits(DockPlan::default().retries, retry);
         let level = self.battery_monitor.level();
         self.recharge.begin(level, self.limits.low);
         if !self.docked() {
@@ -1064,14 +1068,13 @@ impl Watchdog {
         let reason = format!("its station does not charge{at}: leaves it and docks again");
         self.announce(SafetyAction::Dock, reason);
         self.end_motion(MotionEnd::Docked);
-        self.tracks.want(Setpoint::STOP);
         let (docking, actions) = Docking::leave(limits, now);
-        self.docking = Some(ActiveDocking {
+        let active = ActiveDocking {
             docking,
             forced: false,
             callers: vec![],
-        });
-        self.execute_dock_actions(actions, now);
+        };
+        self.begin_docking(active, actions, now);
     }
 
     fn recharge_ended(&mut self, outcome: DockOutcome, now: Instant) {

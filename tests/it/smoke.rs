@@ -2,7 +2,6 @@
 
 use std::f64::consts::PI;
 use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 
 use spykee::safety::{Limits, Rescue};
@@ -12,7 +11,7 @@ use spykee::simulation::{self, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs::explore::explore;
-use crate::long_runs::rescue::{Case, Name, Place, Row, Start, Strategy, heading, play_all};
+use crate::long_runs::rescue::{Name, Place, Row, Start, Strategy, heading, play_all};
 use crate::long_runs::soak::{self, Ledger, soak};
 use crate::long_runs::stops::breaks::{self, End, Outage};
 use crate::long_runs::stops::queue::{self, Driver, Stopper, Trial};
@@ -128,15 +127,7 @@ fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
 
 fn expect_home(place: Place, starts: &[Start], least: usize) {
     let name = place.name;
-    let place = Arc::new(place);
-    let cases: Vec<Case> = starts
-        .iter()
-        .map(|start| Case {
-            place: place.clone(),
-            start: *start,
-        })
-        .collect();
-    let played = play_all(&cases, Strategy::Builtin, 2, &|_| ());
+    let played = play_all(&place.cases(starts), Strategy::Builtin, 2, &|_| ());
     let lines: Vec<String> = played.iter().map(ToString::to_string).collect();
     let row = Row::new(name, Strategy::Builtin, &played);
     let table = format!("{}\n{row}\n{}", heading(), lines.join("\n"));

@@ -132,6 +132,16 @@ impl Place {
         (0..count).map(drive).collect()
     }
 
+    /// Robots that start here.
+    pub fn cases(self, starts: &[Start]) -> Vec<Case> {
+        let place = Arc::new(self);
+        let case = |start: &Start| Case {
+            place: place.clone(),
+            start: *start,
+        };
+        starts.iter().map(case).collect()
+    }
+
     /// The way home, if this is where robots are to be rescued from.
     pub fn far_from_home(&self, point: Point) -> Option<f64> {
         let way = self.distances.length(point)?;
@@ -203,30 +213,20 @@ pub struct Case {
 impl Case {
     /// So many robots, the same for the same seed.
     pub fn draw(name: Name, count: usize, driven: bool, seed: u64) -> Vec<Case> {
-        let starts = |place: &Place, count, seed| {
-            if driven {
+        let draw = |count, seed| {
+            let place = Place::new(name, seed);
+            let starts = if driven {
                 place.drives(count, seed)
             } else {
                 place.starts(count, seed)
-            }
+            };
+            place.cases(&starts)
         };
         if name == Name::Flats {
-            return (seed..seed + count as u64)
-                .map(|seed| Arc::new(Place::new(name, seed)))
-                .zip(seed..)
-                .map(|(place, seed)| {
-                    let start = starts(&place, 1, seed)[0];
-                    Case { place, start }
-                })
-                .collect();
+            let seeds = seed..seed + count as u64;
+            return seeds.flat_map(|seed| draw(1, seed)).collect();
         }
-        let place = Arc::new(Place::new(name, seed));
-        let starts = starts(&place, count, seed).into_iter();
-        let case = |start| Case {
-            place: place.clone(),
-            start,
-        };
-        starts.map(case).collect()
+        draw(count, seed)
     }
 }
 
