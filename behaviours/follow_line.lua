@@ -1,8 +1,8 @@
 -- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the
 -- floor only from some distance on, so the robot remembers the points of the line that it has seen
--- and steers to the nearest point that it has not reached yet. For tight bends, bend the head down. When there are no such
--- points left, it turns to find the line again, first to the side where it was last. After a full
--- turn without a line, it stands still until it sees one.
+-- and steers to the nearest point that it has not reached yet. For tight bends, bend the head down.
+-- When there are no such points left, it turns to find the line again, first to the side where it
+-- was last. After a full turn without a line, it stands still until it sees one.
 
 local floor = require("@spykee/floor")
 

@@ -1,5 +1,6 @@
 //! HTTP for people and programs: a server with bounded resources on one address, and a check in
-//! front of everything it serves. Independent of the robot.
+//! front of everything it serves; programs of the same user have a private socket, which needs no
+//! check. Independent of the robot.
 //!
 //! The check of the origin answers three questions about each request before anything else sees it.
 //! Is it meant for us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who
@@ -48,7 +49,7 @@ pub use visitor::{Refusal, Visitor};
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
 /// Maximum number of viewers at a time.
-pub const MAX_VIEWERS: u16 = 32;
+pub const MAX_VIEWERS: usize = 32;
 
 /// `live:` of the config.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -20,7 +20,7 @@ mod turn;
 
 pub use annotate::{Annotation, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions};
-pub use camera::{Camera, Direction, FloorPosition, Horizon};
+pub use camera::{Camera, Direction, FloorPosition};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};

@@ -362,7 +362,6 @@ impl ConnectAttempts {
 /// accepts the login; only a refused password ends that. Later calls make one attempt each.
 pub fn retry_until_connected(
     connector: Connector,
-    options: Options,
     seed: u64,
     attempts: ConnectAttempts,
 ) -> Connector {
@@ -371,13 +370,12 @@ pub fn retry_until_connected(
     let mut first = true;
     Box::new(move |supervision| {
         let connector = connector.clone();
-        let options = options.clone();
         let attempts = attempts.clone();
         let is_first = std::mem::take(&mut first);
         Box::pin(async move {
             let mut connector = connector.lock().await;
             if is_first {
-                connect_with_retries(&mut connector, supervision, &options, seed, &attempts).await
+                connect_with_retries(&mut connector, supervision, seed, &attempts).await
             } else {
                 (*connector)(supervision).await
             }
@@ -388,11 +386,10 @@ pub fn retry_until_connected(
 async fn connect_with_retries(
     connector: &mut Connector,
     supervision: Supervision,
-    options: &Options,
     seed: u64,
     attempts: &ConnectAttempts,
 ) -> Result<Session, LinkError> {
-    let mut backoff = Backoff::new(options);
+    let mut backoff = Backoff::new(&Options::default());
     let mut rng = StdRng::seed_from_u64(seed);
     let mut logged = String::new();
     loop {

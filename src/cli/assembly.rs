@@ -119,20 +119,15 @@ impl Assembly {
         let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
         let attempts = ConnectAttempts::default();
-        let link = crate::link::Options::default();
-        let mut connector = connector(target.clone(), setup.login, link.clone());
+        let mut connector = connector(target.clone(), setup.login);
         if setup.waits {
-            connector = retry_until_connected(connector, link, setup.seed, attempts.clone());
+            connector = retry_until_connected(connector, setup.seed, attempts.clone());
         }
         let mut heartbeat = heartbeat(simulated, guardian_files(config))?;
         if let Some(beats) = setup.beats {
             heartbeat = heartbeat.notify_beats(beats);
         }
         let page = setup.page.map(|page| PageInputs::new(config, page, &bus));
-        let mut rescue = rescue(config, setup.seed)?;
-        if let (Some(rescue), Some(sim)) = (&mut rescue, &handle) {
-            rescue.options.camera = sim.world().camera.calibrated();
-        }
         let plan = Plan {
             behaviours: setup.behaviours,
             specs: setup.specs,
@@ -142,7 +137,7 @@ impl Assembly {
             launcher: launcher()?,
             core: core.handle().clone(),
             heartbeat: Some(heartbeat),
-            rescue,
+            rescue: rescue(config, setup.seed)?,
             limit: setup.limit,
             bus: bus.clone(),
         };

@@ -24,7 +24,6 @@ use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
 use crate::guardian::GuardianFiles;
-use crate::link;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{EditorCommand, Next, Typed};
@@ -66,7 +65,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let (target, sim) = resolve_or_simulate(choice, &login, seed)?;
     refuse_if_stopped(&config, sim.is_some())?;
     let core = driving_core()?;
-    let connector = connector(target, login, link::Options::default());
+    let connector = connector(target, login);
     let settings = config.pilot(sim.is_some(), seed);
     let files = GuardianFiles {
         stop_socket: None,

@@ -62,11 +62,11 @@ pub(super) fn resolve_or_simulate_with(
     }
 }
 
-pub(super) fn connector(target: Target, login: Login, options: link::Options) -> Connector {
+pub(super) fn connector(target: Target, login: Login) -> Connector {
     Box::new(move |supervision| {
         let target = target.clone();
         let login = login.clone();
-        let options = options.clone();
+        let options = link::Options::default();
         Box::pin(async move { link::connect(&target, &login, supervision, &options).await })
     })
 }

@@ -26,6 +26,7 @@ use crate::live::RunDefinition;
 use crate::service::{ManagerNotifier, RecordFile, Service, View};
 use crate::sim::Firmware;
 use crate::timetable::Record;
+use crate::vision::Camera;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
 ///
@@ -85,10 +86,8 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     become_user(&config, simulated)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loader = PlanLoader {
-        camera: simulated.then_some(config.camera),
-        ..plan_loader(args, console, seed, clock)
-    };
+    let camera = if simulated { Some(config.camera) } else { None };
+    let loader = plan_loader(args, console, seed, clock, camera);
     let loaded = loader.load(&config)?;
     if args.fast {
         return fast::serve(args, choice, login, &config, loaded, seed, console);
@@ -96,8 +95,10 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let record = RecordFile::open(config.data_folder());
     let beats = Arc::new(Notify::new());
     let (definition, shown) = watch::channel(loaded.definition.clone());
+    let mut settings = args.settings.load()?.clone();
+    settings.config = config.clone();
     let assembly = Assembly::new(RunSetup {
-        settings: args.settings.load()?,
+        settings: &settings,
         choice,
         login,
         seed,
@@ -139,14 +140,20 @@ fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
     drop_root(user, config.data_folder())
 }
 
-fn plan_loader(args: &ServeArgs, console: &Console, seed: u64, clock: Clock) -> PlanLoader {
+fn plan_loader(
+    args: &ServeArgs,
+    console: &Console,
+    seed: u64,
+    clock: Clock,
+    camera: Option<Camera>,
+) -> PlanLoader {
     PlanLoader {
         settings: args.settings.clone(),
         checked: !args.no_check,
         seed,
         console: console.clone(),
         clock,
-        camera: None,
+        camera,
         zone: if args.fast {
             Zone::utc()
         } else {

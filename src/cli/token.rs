@@ -3,7 +3,7 @@
 use std::io::IsTerminal as _;
 use std::net::SocketAddr;
 
-use clap::{Subcommand, ValueEnum};
+use clap::Subcommand;
 use qrcode::render::unicode::Dense1x2;
 use qrcode::{EcLevel, QrCode};
 
@@ -34,8 +34,8 @@ enum Action {
         /// Name of your choice, such as the device or program that uses the token
         name: String,
         /// Role of the token
-        #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
-        role: Wanted,
+        #[arg(long, value_enum, default_value_t = Role::Viewer)]
+        role: Role,
     },
     /// List the tokens by name
     List,
@@ -46,25 +46,13 @@ enum Action {
     },
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Wanted {
-    /// May look and stop the robot
-    Viewer,
-    /// May do everything that the page and the API offer
-    Driver,
-}
-
 /// Runs the subcommand.
 pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;
     match &args.action {
         Action::New { name, role } => {
-            let role = match role {
-                Wanted::Viewer => Role::Viewer,
-                Wanted::Driver => Role::Driver,
-            };
-            let token = keys.make(name, role).map_err(refused)?;
+            let token = keys.make(name, *role).map_err(refused)?;
             tracing::info!(
                 "the token is shown only this once; its role is {}",
                 role.name()

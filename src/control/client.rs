@@ -179,11 +179,6 @@ impl Client {
         }
     }
 
-    /// Whether the run is reached through its API, which offers nothing beyond these requests.
-    pub fn is_remote(&self) -> bool {
-        matches!(self.transport, Transport::Web(_))
-    }
-
     /// Sends one request and waits for the answer at most this long. Dropping the future cancels a
     /// request on this computer; a remote one is cancelled only when this process ends.
     ///
@@ -288,12 +283,9 @@ pub enum AskError {
     /// The run ended before it answered.
     #[error("the run has ended")]
     Ended,
-    /// An error of the system.
+    /// An error of the system, or a reply that is not HTTP.
     #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
-    /// The run closed the connection, or its reply is not HTTP.
-    #[error("the request to the run failed: {0}")]
-    Http(hyper::Error),
     /// A service on another computer denies access.
     #[error("the service denies access: {0}")]
     Denied(String),
@@ -306,7 +298,7 @@ pub enum AskError {
 impl From<hyper::Error> for AskError {
     fn from(error: hyper::Error) -> AskError {
         if error.is_parse() {
-            AskError::Http(error)
+            AskError::Io(io::Error::other(error))
         } else {
             AskError::Ended
         }

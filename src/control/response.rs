@@ -126,15 +126,12 @@ impl RunResponse {
 
 impl IntoResponse for RunResponse {
     fn into_response(self) -> Response {
+        if let RunResponse::Picture { jpeg } = self {
+            return ([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response();
+        }
         let status = self.status();
         let error = self.error();
-        let mut body = match &self {
-            RunResponse::Picture { jpeg } => {
-                let jpeg = jpeg.clone();
-                return ([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response();
-            }
-            other => serde_json::to_value(other).unwrap_or_default(),
-        };
+        let mut body = serde_json::to_value(&self).unwrap_or_default();
         if let (Value::Object(body), Some(error)) = (&mut body, error) {
             body.insert("error".to_owned(), error.into());
         }

@@ -18,7 +18,7 @@ use serde_json::{Map, Value, json};
 use super::request::{MAX_SPEECH, ROUTES, Route, RunRequest, TAG};
 use super::response::RunResponse;
 use super::run::Run;
-use crate::http::{Refusal, Visitor};
+use crate::http::{Refusal, Role, Visitor};
 
 /// Maximum length of a JSON body, in bytes.
 const MAX_BODY: usize = 16 * 1024;
@@ -159,7 +159,7 @@ fn operation(route: &Route, mut request: Value, answer: Value) -> Value {
     } else {
         json!({ "application/json": { "schema": answer } })
     };
-    let mut operation = described(&request["description"], route.role.name(), content);
+    let mut operation = described(&request["description"], Some(route.role), content);
     let fields = request["properties"].as_object();
     if route.takes_samples() {
         let content = json!({ "application/octet-stream": {} });
@@ -184,9 +184,9 @@ fn operation(route: &Route, mut request: Value, answer: Value) -> Value {
     operation
 }
 
-/// An operation of an OpenAPI description: what it is for, the role of those who may call it (empty:
+/// An operation of an OpenAPI description: what it is for, the role of those who may call it (`None`:
 /// anyone), and what it responds.
-pub fn described(summary: &Value, role: &str, content: Value) -> Value {
+pub fn described(summary: &Value, role: Option<Role>, content: Value) -> Value {
     let mut operation = json!({
         "summary": summary,
         "responses": {
@@ -200,8 +200,8 @@ pub fn described(summary: &Value, role: &str, content: Value) -> Value {
             },
         },
     });
-    if !role.is_empty() {
-        operation["description"] = format!("For a {role}.").into();
+    if let Some(role) = role {
+        operation["description"] = format!("For a {}.", role.name()).into();
         operation["security"] = json!([{ "token": [] }]);
     }
     operation

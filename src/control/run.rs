@@ -330,21 +330,14 @@ impl Run {
     /// program or in the next one of its data folder. The answer waits until it is kept, and for the
     /// robot; both take a few milliseconds, and are limited.
     async fn engage_stop(&self, by: &str) -> StopOutcome {
-        let kept = match timeout(PILOT_TIMEOUT, self.requests.reserve()).await {
-            Ok(Ok(place)) => {
-                let tell_pilot = || place.send(Request::EmergencyStop(true));
-                let engaged = self.emergency_stop.engage(by, tell_pilot);
-                let (kept, confirmation) = tokio::join!(engaged, self.confirmation());
-                return StopOutcome { confirmation, kept };
-            }
-            // The run has ended, and its end has stopped the robot.
-            Ok(Err(_)) => self.emergency_stop.engage(by, || ()).await,
-            Err(_) => {
-                self.tell_pilot_later();
-                self.emergency_stop.engage(by, || ()).await
-            }
+        let Some(place) = self.reserve_place().await else {
+            let kept = self.emergency_stop.engage(by, || ()).await;
+            let confirmation = StopConfirmation::NotConfirmed;
+            return StopOutcome { confirmation, kept };
         };
-        let confirmation = StopConfirmation::NotConfirmed;
+        let tell_pilot = || place.send(Request::EmergencyStop(true));
+        let engaged = self.emergency_stop.engage(by, tell_pilot);
+        let (kept, confirmation) = tokio::join!(engaged, self.confirmation());
         StopOutcome { confirmation, kept }
     }
 
@@ -353,15 +346,23 @@ impl Run {
     /// # Errors
     /// Why it may hold in the next program, in words.
     async fn reset_stop(&self, by: &str) -> Result<(), String> {
-        match timeout(PILOT_TIMEOUT, self.requests.reserve()).await {
-            Ok(Ok(place)) => {
+        match self.reserve_place().await {
+            Some(place) => {
                 let tell_pilot = || place.send(Request::EmergencyStop(false));
                 self.emergency_stop.reset(by, tell_pilot).await
             }
-            Ok(Err(_)) => self.emergency_stop.reset(by, || ()).await,
+            None => self.emergency_stop.reset(by, || ()).await,
+        }
+    }
+
+    /// A place in the pilot's queue; `None` if the run has ended, which has stopped the robot, or if
+    /// the queue is full: then the pilot is told later.
+    async fn reserve_place(&self) -> Option<mpsc::Permit<'_, Request>> {
+        match timeout(PILOT_TIMEOUT, self.requests.reserve()).await {
+            Ok(place) => place.ok(),
             Err(_) => {
                 self.tell_pilot_later();
-                self.emergency_stop.reset(by, || ()).await
+                None
             }
         }
     }

@@ -29,13 +29,24 @@ const RANDOM: usize = 32;
 
 /// What a visitor may do. A viewer may also stop the robot.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Serialize,
+    Deserialize,
+    JsonSchema,
+    clap::ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Watch, and stop the robot.
+    /// May look and stop the robot.
     Viewer,
-    /// Everything that the page and the API offer.
+    /// May do everything that the page and the API offer.
     Driver,
 }
 

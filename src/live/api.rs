@@ -122,7 +122,7 @@ pub(super) fn gets() -> Vec<Get> {
         Get::new(
             "/api/schedule",
             "The next starts of a service's timetable; null without one.",
-            json::<Option<Vec<history::Start>>>(),
+            json::<Option<Vec<history::ScheduledStart>>>(),
         )
         .served_by(get(schedule)),
     ]
@@ -221,7 +221,10 @@ async fn history(
 }
 
 /// `None` without a timetable.
-async fn schedule(State(broadcast): Shared, _: Visitor) -> Json<Option<Vec<history::Start>>> {
+async fn schedule(
+    State(broadcast): Shared,
+    _: Visitor,
+) -> Json<Option<Vec<history::ScheduledStart>>> {
     let definition = broadcast.definition.borrow();
     let names: Vec<String> = definition
         .scripts

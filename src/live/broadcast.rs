@@ -60,7 +60,6 @@ pub(super) struct Broadcast {
     robot: watch::Sender<Option<RobotInfo>>,
     /// Whether the pilot responds.
     alive: AtomicBool,
-    pub(super) most_viewers: usize,
 }
 
 #[derive(Debug, Default)]
@@ -76,7 +75,6 @@ impl Broadcast {
         definition: watch::Receiver<RunDefinition>,
         data: PathBuf,
         access: Arc<Access>,
-        most_viewers: u16,
     ) -> Arc<Broadcast> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
         let metrics = Metrics::new(run.reactions.clone());
@@ -97,7 +95,6 @@ impl Broadcast {
             viewers: Mutex::default(),
             robot: watch::Sender::new(None),
             alive: AtomicBool::new(true),
-            most_viewers: usize::from(most_viewers),
         })
     }
 

@@ -95,8 +95,8 @@ impl Part {
 pub(super) struct HistoryEvent {
     /// The time, in milliseconds since 1970.
     pub at: i64,
-    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture`, or
-    /// `lost`.
+    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture`, `lost`,
+    /// `stop_engaged`, or `stop_reset`.
     pub kind: String,
     /// The behaviour, if it is an event of one.
     pub behaviour: String,
@@ -108,7 +108,7 @@ pub(super) struct HistoryEvent {
 
 /// One future start.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub(super) struct Start {
+pub(super) struct ScheduledStart {
     /// The local time in the timetable's time zone.
     pub at: String,
     /// The behaviour.
@@ -294,12 +294,12 @@ pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8
     validate_markers(&bytes).ok().map(|_| bytes)
 }
 
-pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<Start> {
+pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<ScheduledStart> {
     let words = |at: Timestamp| clock::describe(&table.zone.time(at));
     let starts = predict_starts(table, known, clock.now(), STARTS);
     starts
         .into_iter()
-        .map(|one| Start {
+        .map(|one| ScheduledStart {
             at: words(one.at),
             run: one.run,
             until: one.until.map(words),

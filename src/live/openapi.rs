@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::api::{Gives, gets};
 use crate::control;
+use crate::http::Role;
 
 pub(super) fn document() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
@@ -22,7 +23,11 @@ pub(super) fn document() -> Value {
             }
             Gives::Kind(kind) => json!({ kind: {} }),
         };
-        let role = if get.private { "viewer" } else { "" };
+        let role = if get.private {
+            Some(Role::Viewer)
+        } else {
+            None
+        };
         let mut operation = control::described(&get.summary.into(), role, content);
         let parts = ["name", "file"].into_iter();
         let parameters: Vec<Value> = parts

@@ -151,7 +151,7 @@ async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext) 
         data,
     } = context;
     let requests = control::routes(run.clone());
-    let broadcast = Broadcast::new(run, definition, data, access.clone(), http::MAX_VIEWERS);
+    let broadcast = Broadcast::new(run, definition, data, access.clone());
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
     let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(bus)));
     let keeper = broadcast.clone();

@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 use super::broadcast::{Broadcast, ViewerList};
 use super::manual_drive;
 use super::state::Person;
-use crate::http::{Role, Visitor};
+use crate::http::{MAX_VIEWERS, Role, Visitor};
 use crate::robot::Setpoint;
 use crate::simulation::TimeScale;
 
@@ -87,7 +87,7 @@ impl Viewer {
     /// Admits a viewer; `None` if there are too many, and none must make room for this one.
     pub(super) fn admit(broadcast: &Arc<Broadcast>, visitor: Visitor) -> Option<Viewer> {
         let mut viewers = broadcast.lock_viewers();
-        if viewers.open.len() >= broadcast.most_viewers {
+        if viewers.open.len() >= MAX_VIEWERS {
             let index = viewers.to_evict(&visitor)?;
             viewers.open.remove(index).evicted.cancel();
         }

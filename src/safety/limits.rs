@@ -35,8 +35,8 @@ pub struct Limits {
     /// The rescue behaviour, which drives a robot with a low battery elsewhere after a failed
     /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
-    /// The longest grant of the tracks to the rescue behaviour; then the robot searches from there
-    /// (8 s).
+    /// The shortest grant of the tracks to the rescue behaviour (8 s); it lasts as long as the failed
+    /// search, at most [`Homing::LONGEST_GRANT`](super::Homing::LONGEST_GRANT).
     #[serde(skip)]
     pub rescue_time: Seconds,
     /// The limit of each track's power during a grant (30 %); more is scaled down on both tracks

@@ -155,10 +155,8 @@ impl ScenarioFile {
             events: Some(record.recorder()),
             ..settings.simulation_options(seed, options.fps)
         };
-        let mut config = settings.config.clone();
-        config.camera = world.camera.calibrated();
         let behaviours = Behaviours {
-            config,
+            config: settings.config.clone(),
             folder: self.folder().map(Path::to_owned),
             subject: settings.subject.clone().or_else(|| self.subject()),
             data: data.path().to_owned(),

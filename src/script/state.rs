@@ -441,7 +441,6 @@ impl State {
                 .is_empty()
     }
 
-    /// Wakes the tasks that wait for exactly this.
     /// Answers the tasks that wait for this motion when the tracks stand.
     fn await_standing(&mut self, motion: MotionId, until: Instant) {
         for id in self.tasks.waiting_for(|wait| *wait == Wait::Motion(motion)) {
@@ -449,6 +448,7 @@ impl State {
         }
     }
 
+    /// Wakes the tasks that wait for exactly this.
     pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);

@@ -20,7 +20,9 @@ pub use record::RecordFile;
 pub use unit::{Unit, unit};
 
 use self::executor::Executor;
-use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome};
+use crate::agent::{
+    Agent, AgentError, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected,
+};
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
@@ -98,6 +100,33 @@ pub struct Service {
 }
 
 impl Service {
+    /// A service in a simulation: it has no manager, nobody reloads its config, and its first
+    /// connection is repeated until it succeeds.
+    pub fn in_simulation(
+        mut plan: Plan,
+        service_plan: ServicePlan,
+        record: (Record, Option<RecordFile>),
+        seed: u64,
+    ) -> Service {
+        plan.stays = true;
+        plan.specs = service_plan.specs.clone();
+        plan.connector = retry_until_connected(plan.connector, seed, ConnectAttempts::default());
+        let bus = plan.bus.clone();
+        let (agent, status) = Agent::new(plan);
+        let (_, reloads) = mpsc::channel(1);
+        Service {
+            agent,
+            status,
+            clock: Clock::default(),
+            service_plan,
+            record,
+            notifier: ManagerNotifier::default(),
+            bus,
+            view: View::channel().0,
+            reloads,
+        }
+    }
+
     /// Runs until `stop` is cancelled.
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Service {

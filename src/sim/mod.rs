@@ -1,6 +1,7 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
-//! UDP or an in-memory pipe. It imports only `wire`, the JPEG encoder of `vision` and small
-//! helpers, so that it stays independent of the agent code that it tests.
+//! UDP or an in-memory pipe. It imports only `wire`, small helpers and of `vision` the JPEG encoder
+//! and the type `Camera`, none of its optics, so that it stays independent of the agent code that it
+//! tests.
 
 #![warn(missing_docs)]
 

@@ -24,6 +24,7 @@ use tokio::time::Instant;
 use crate::agent::{Behaviour, Plan};
 use crate::behaviour::STACK;
 use crate::clock;
+use crate::link;
 use crate::script;
 use crate::sim::{self, World};
 
@@ -70,7 +71,7 @@ fn run_here<T>(
         clock::begin_virtual(options.date);
         let sim_options = sim::Options {
             seed: options.seed,
-            unacknowledged: Some(options.link.dead_after),
+            unacknowledged: Some(link::Options::default().dead_after),
             ..options.sim.clone()
         };
         let server = sim::Server::detached(world, sim_options);

@@ -133,10 +133,10 @@ pub(super) fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour
             limits: options.limits.clone(),
             simulated: true,
             seed: options.seed,
-            link: options.link.clone(),
+            link: link::Options::default(),
             streams: options.streams,
         },
-        connector: connector(sim, options.sim.login.clone(), options.link.clone()),
+        connector: connector(sim, options.sim.login.clone()),
         launcher: Launcher::in_this_thread(),
         core: runtime::Handle::current(),
         heartbeat: None,
@@ -161,11 +161,11 @@ fn rescue(options: &Options, camera: Camera) -> Option<Launch> {
 }
 
 /// Creates a dialler that opens a new pipe to the simulator for each connection attempt.
-fn connector(sim: Handle, login: Login, options: link::Options) -> Connector {
+fn connector(sim: Handle, login: Login) -> Connector {
     Box::new(move |supervision| {
         let sim = sim.clone();
         let login = login.clone();
-        let options = options.clone();
+        let options = link::Options::default();
         Box::pin(async move {
             let (ours, theirs) = tokio::io::duplex(LINK_LEN);
             sim.connect(theirs);
@@ -185,8 +185,6 @@ pub struct Options {
     pub sim: sim::Options,
     /// The parameters of the safety rules.
     pub limits: Limits,
-    /// Timing of the link.
-    pub link: link::Options,
     /// When the robot's streams are on.
     pub streams: Streams,
     /// Ends every run of this simulation when cancelled, from any thread.

@@ -77,7 +77,7 @@ pub struct Profiles {
 }
 
 /// Where bands and strips are in a picture of half size, at the horizon's middle.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct Layout {
     horizon: Horizon,
     bands: [std::ops::Range<isize>; BANDS.len()],
@@ -88,32 +88,14 @@ struct Layout {
     shows_horizon: bool,
 }
 
-impl Default for Layout {
-    fn default() -> Layout {
-        Layout {
-            horizon: Horizon {
-                x: 0.0,
-                y: 0.0,
-                slope: 0.0,
-            },
-            bands: std::array::from_fn(|_| 0..0),
-            strips: 0..0,
-            shows_horizon: false,
-        }
-    }
-}
-
 impl Layout {
     fn new(camera: Camera, width: usize, height: usize) -> Layout {
         let horizon = camera.horizon(Size {
             width: width as u32,
             height: height as u32,
         });
-        // Rows that a tilted horizon leaves free at both edges.
-        let farthest = horizon.x.max(width as f64 - horizon.x);
-        let tilt = (horizon.slope * farthest).abs().ceil();
-        let first = tilt;
-        let last = height as f64 - tilt;
+        let first = horizon.tilt(width as f64);
+        let last = height as f64 - first;
         let middle = horizon.y + 0.5;
         let row = |share: f64| {
             let reach = if share < 0.0 {
@@ -135,7 +117,7 @@ impl Layout {
 
     /// Rows by which the horizon is lower in a column than in its middle.
     fn shift(&self, column: usize) -> isize {
-        (self.horizon.slope * (column as f64 - self.horizon.x)).round() as isize
+        self.horizon.shift(column as f64).round() as isize
     }
 }
 
@@ -152,6 +134,11 @@ impl Profiles {
         // The layout leaves room for the shift; the clamp is for pictures of a few pixels.
         let row = |y: isize| &luma[y.clamp(0, h as isize - 1) as usize * w..][..w];
         let level = self.layout.horizon.slope == 0.0;
+        let shifts: Vec<isize> = if level {
+            Vec::new()
+        } else {
+            (0..w).map(|column| self.layout.shift(column)).collect()
+        };
         for (band, rows) in self.bands.iter_mut().zip(&self.layout.bands) {
             band.clear();
             if w == 0 || h == 0 || rows.is_empty() {
@@ -164,8 +151,8 @@ impl Profiles {
                         *sum += f32::from(*value);
                     }
                 } else {
-                    for (column, sum) in band.iter_mut().enumerate() {
-                        *sum += f32::from(row(y + self.layout.shift(column))[column]);
+                    for (column, (sum, shift)) in band.iter_mut().zip(&shifts).enumerate() {
+                        *sum += f32::from(row(y + shift)[column]);
                     }
                 }
             }

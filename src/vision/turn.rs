@@ -27,10 +27,8 @@ impl Skyline {
     pub fn from_image(image: &Image, camera: Camera) -> Skyline {
         let size = image.size();
         let horizon = camera.horizon(size);
-        let shift = |column: usize| horizon.slope * (column as f64 - horizon.x);
         let height = f64::from(size.height);
-        // Rows that a tilted horizon leaves free at both edges.
-        let tilt = shift(0).abs().max(shift(size.width as usize).abs()).ceil();
+        let tilt = horizon.tilt(f64::from(size.width));
         let bottom = (horizon.y + 0.5).min(height - tilt);
         let top = (bottom - BAND * height).max(tilt);
         if bottom - top < 1.0 || size.width < 2 {
@@ -39,6 +37,9 @@ impl Skyline {
         let top = top as u32;
         let bottom = bottom as u32;
         let mut columns = vec![0u32; size.width as usize];
+        let shifts: Vec<f64> = (0..columns.len())
+            .map(|column| horizon.shift(column as f64))
+            .collect();
         for y in top..bottom {
             if horizon.slope == 0.0 {
                 let row = image.luma_row(y);
@@ -47,18 +48,20 @@ impl Skyline {
                     .zip(row)
                     .for_each(|(sum, value)| *sum += u32::from(*value));
             } else {
-                for (column, sum) in columns.iter_mut().enumerate() {
-                    let y = (f64::from(y) + shift(column)).clamp(0.0, height - 1.0);
+                for (column, (sum, shift)) in columns.iter_mut().zip(&shifts).enumerate() {
+                    let y = (f64::from(y) + shift).clamp(0.0, height - 1.0);
                     *sum += u32::from(image.luma_row(y as u32)[column]);
                 }
             }
         }
-        let rows = f64::from(bottom - top).max(1.0);
+        let rows = f64::from(bottom - top);
         let mean = |column: usize| f64::from(columns[column]) / rows;
         let last = columns.len() - 1;
         let row = f64::from(top + bottom) / 2.0;
-        let bearings: Vec<f64> = (0..columns.len())
-            .map(|column| camera.bearing(column as f64, row + shift(column), size))
+        let bearings: Vec<f64> = shifts
+            .iter()
+            .enumerate()
+            .map(|(column, shift)| camera.bearing(column as f64, row + shift, size))
             .collect();
         let bearing = |column: usize| bearings[column];
         let half = (bearing(0).min(-bearing(last)) / STEP) as i32;

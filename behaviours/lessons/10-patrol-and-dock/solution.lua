@@ -9,7 +9,10 @@ local function photograph(name)
 end
 
 local function round()
-	if robot.docked() and robot.undock() then
+	if robot.docked() then
+		if not robot.undock() then
+			return task.wait(5) -- at an unknown level it may have to charge longer
+		end
 		robot.turn(math.rad(180))
 	end
 	for leg = 1, 3 do
@@ -22,7 +25,7 @@ end
 
 local function charge()
 	local battery = robot.battery()
-	while battery and (battery.percent or 0) < 60 do
+	while battery and (battery.percent or 100) < 60 do
 		task.wait(5)
 		battery = robot.battery()
 	end

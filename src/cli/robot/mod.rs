@@ -20,7 +20,7 @@ use clap::Subcommand;
 
 use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
-use super::robot_target::{connector, resolve_or_simulate, robot_choice};
+use super::robot_target::{self, connector, resolve_or_simulate, robot_choice};
 use super::running::RemoteArgs;
 use super::running::{find_run, find_service};
 use super::settings::SettingsArgs;
@@ -177,7 +177,8 @@ impl TargetArgs {
     /// # Errors
     /// A config, login or world that cannot be used; no robot named.
     pub(super) fn resolve(&self, seed: u64) -> Result<RobotTarget, Failure> {
-        let config = self.settings.config()?.clone();
+        let mut config = self.settings.config()?.clone();
+        config.camera = robot_target::camera(&self.connection, &config)?;
         let choice = robot_choice(&self.connection, &config)?;
         let login = self.connection.login.login(self.settings.load()?)?;
         let (address, sim) = resolve_or_simulate(choice, &login, seed)?;
@@ -211,9 +212,8 @@ impl RobotTarget {
     /// A person's STOP holds; the rescue behaviour of the config cannot be read.
     pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
         refuse_if_stopped(&self.config, self.sim.is_some())?;
-        let link = link::Options::default();
         Ok(DriverParts {
-            connector: connector(self.address.clone(), self.login.clone(), link),
+            connector: connector(self.address.clone(), self.login.clone()),
             settings: self.config.pilot(self.sim.is_some(), seed),
             rescue: rescue(&self.config, seed)?,
         })

@@ -2,18 +2,17 @@
 
 use super::service_plan::LoadedPlan;
 use super::{ServeArgs, exit};
-use crate::agent::{Agent, ConnectAttempts, Plan, retry_until_connected};
 use crate::cli::embedded;
 use crate::cli::fast::{EventFile, SimulationJournalOptions, exit_when_stuck, no_simulation};
 use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
-use crate::clock::{Clock, Span, Zone};
+use crate::clock::{Span, Zone};
 use crate::config::Config;
-use crate::service::{ManagerNotifier, Service, ServicePlan, View};
+use crate::service::Service;
+use crate::sim;
 use crate::simulation::{self, Simulation};
 use crate::timetable::Record;
 use crate::wire::Login;
-use crate::{link, sim};
 
 /// Serves until the time limit or the first signal.
 pub(super) fn serve(
@@ -53,7 +52,9 @@ pub(super) fn serve(
         let mut plan = simulation.plan(Vec::new());
         plan.limit = limit;
         let journal = journal_options.map(|options| options.start(&plan.bus));
-        let service = service(simulation.seed(), plan, loaded.service_plan);
+        let no_record = (Record::default(), None);
+        let seed = simulation.seed();
+        let service = Service::in_simulation(plan, loaded.service_plan, no_record, seed);
         let outcome = service.run(stop).await;
         if let Some(journal) = journal {
             journal.finish().await;
@@ -63,32 +64,6 @@ pub(super) fn serve(
     let outcome = outcome.map_err(no_simulation)?;
     events.map_or(Ok(()), EventFile::finish)?;
     exit(outcome)
-}
-
-/// A service that has no manager, and keeps no record of its timetable.
-fn service(seed: u64, mut plan: Plan, service_plan: ServicePlan) -> Service {
-    plan.stays = true;
-    plan.specs = service_plan.specs.clone();
-    plan.connector = retry_until_connected(
-        plan.connector,
-        link::Options::default(),
-        seed,
-        ConnectAttempts::default(),
-    );
-    let bus = plan.bus.clone();
-    let (agent, status) = Agent::new(plan);
-    let (_none, reloads) = tokio::sync::mpsc::channel(1);
-    Service {
-        agent,
-        status,
-        clock: Clock::default(),
-        service_plan,
-        record: (Record::default(), None),
-        notifier: ManagerNotifier::default(),
-        bus,
-        view: View::channel().0,
-        reloads,
-    }
 }
 
 /// Starts a thread that cancels `stop` at the first terminating signal, in real time.

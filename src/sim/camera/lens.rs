@@ -110,7 +110,7 @@ impl Optics {
         let mut least = Slopes::default();
         let mut most = Slopes::default();
         for (column, row) in across.chain(along) {
-            let ray = self.ray(column, row, None);
+            let ray = self.turned(self.straightened(column, row, None));
             least.right = least.right.min(ray.right);
             least.down = least.down.min(ray.down);
             most.right = most.right.max(ray.right);
@@ -140,11 +140,6 @@ impl Optics {
             }
         }
         sources
-    }
-
-    /// Returns the level ray that a pixel shows.
-    fn ray(&self, column: usize, row: usize, near: Option<Slopes>) -> Slopes {
-        self.turned(self.straightened(column, row, near))
     }
 
     /// Returns where a lens without distortion would show a pixel, starting to search `near`.

@@ -69,7 +69,7 @@ pub struct Sign {
     /// Side of the board with its white margin, metres.
     #[serde(default = "sign_side", deserialize_with = "number::sign_side")]
     pub side: f64,
-    /// Height of its centre above the floor, metres; the camera is at 0.2 m.
+    /// Height of its centre above the floor, metres.
     #[serde(default = "sign_height", deserialize_with = "number::sign_height")]
     pub height: f64,
 }

@@ -98,7 +98,7 @@ impl Default for CameraSettings {
 
 /// A lens: pixels of a frame, the centre of the first of which is 0, 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LensNumbers {
+pub(crate) struct LensNumbers {
     /// Focal lengths along columns and rows.
     pub focal: [f64; 2],
     /// Column and row of the optical axis.
@@ -118,7 +118,7 @@ const MIDDLE: [f64; 2] = [159.5, 119.5];
 
 impl CameraSettings {
     /// Returns the lens.
-    pub fn lens(&self) -> LensNumbers {
+    pub(crate) fn lens(&self) -> LensNumbers {
         let usual = match self.hfov_degrees {
             None => GENUINE,
             Some(degrees) => LensNumbers {

@@ -61,7 +61,7 @@ ranges! {
     /// Radius of a ball or a post.
     radius = 0.02..=0.5, "metres";
     degrees = -360.0..=360.0, "degrees";
-    /// Height of the camera, which is below the tops of all things.
+    /// Height of the camera: below the station's top; the world is checked for lower things.
     lens_height = 0.05..=0.33, "metres";
     pitch = -45.0..=30.0, "degrees, up is positive";
     roll = -30.0..=30.0, "degrees, positive when the horizon falls to the right";
