@@ -99,6 +99,7 @@
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `rate_limit` | token buckets, bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
+//! | 0 | `robot_socket` | how a socket to the robot is opened, also in place of a lost one |
 //! | 0 | `socket_outq` | how much of what was written a robot has not acknowledged yet |
 //! | 1 | `http` | a bounded server and its check of who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
@@ -146,6 +147,7 @@ mod odometry;
 pub mod pilot;
 pub mod rate_limit;
 pub mod robot;
+pub mod robot_socket;
 pub mod safety;
 pub mod sandbox;
 pub mod sanitize;

@@ -22,23 +22,11 @@ pub(super) struct PendingWrite {
     pub(super) closes: bool,
 }
 
-/// The link on which the guardian would write.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-enum Link {
-    #[default]
-    None,
-    /// The robot obeys only after its first POWER.
-    Login,
-    Ready,
-    /// Its write half is closed.
-    Written,
-}
-
 #[derive(Debug, Default)]
 pub(super) struct DeadMan {
     /// The data to send; kept without a link too.
     words: LastWordsData,
-    link: Link,
+    link: OpenLink,
     beaten: Option<Instant>,
     /// Nothing is written before this time.
     deferred: Option<Instant>,
@@ -49,8 +37,8 @@ pub(super) struct DeadMan {
 impl DeadMan {
     pub(super) fn handle(&mut self, message: GuardianMessage, now: Instant) {
         match message {
-            GuardianMessage::Watch(words) => self.begin(Link::Ready, words),
-            GuardianMessage::Login(words) => self.begin(Link::Login, words),
+            GuardianMessage::Watch(words) => self.begin(OpenLink::Ready, words),
+            GuardianMessage::Login(words) => self.begin(OpenLink::Login, words),
             GuardianMessage::LastWords(words) => {
                 self.written &= self.words == words;
                 self.words = words;
@@ -63,7 +51,7 @@ impl DeadMan {
         self.beaten = Some(now);
     }
 
-    fn begin(&mut self, link: Link, words: LastWordsData) {
+    fn begin(&mut self, link: OpenLink, words: LastWordsData) {
         *self = DeadMan {
             words,
             link,
@@ -73,18 +61,18 @@ impl DeadMan {
 
     /// The link is closed or broken. The last words stay: there may be another way to the robot.
     pub(super) fn lose_link(&mut self) {
-        self.link = Link::None;
+        self.link = OpenLink::None;
         self.words.rest.clear();
     }
 
     /// The link may be written to from now on.
     pub(super) fn set_ready(&mut self) {
-        self.link = Link::Ready;
+        self.link = OpenLink::Ready;
     }
 
     /// Whether there is a link on which the robot obeys only after its first POWER.
     pub(super) fn is_login(&self) -> bool {
-        self.link == Link::Login
+        self.link == OpenLink::Login
     }
 
     /// The robot does not obey yet: writes nothing for the time [`LOOK`].
@@ -124,17 +112,12 @@ impl DeadMan {
 
     /// The link as the agent leaves it.
     pub(super) fn open_link(&self) -> OpenLink {
-        match self.link {
-            Link::None => OpenLink::None,
-            Link::Login => OpenLink::Login,
-            Link::Ready => OpenLink::Ready,
-            Link::Written => OpenLink::Written,
-        }
+        self.link
     }
 
     /// When [`DeadMan::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        if self.written || !matches!(self.link, Link::Login | Link::Ready) {
+        if self.written || !matches!(self.link, OpenLink::Login | OpenLink::Ready) {
             return None;
         }
         let due = self.silent_from()?;
@@ -151,7 +134,7 @@ impl DeadMan {
         self.written = true;
         if pending.closes {
             self.words.rest.clear();
-            self.link = Link::Written;
+            self.link = OpenLink::Written;
         }
         if pending.bytes.is_empty() {
             None

@@ -34,8 +34,9 @@ const SHORT_CLOSING_LIMIT: Duration = Duration::from_secs(3);
 pub(super) const QUESTIONS: u32 = 2;
 
 /// The link on which the agent was last connected.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) enum OpenLink {
+    #[default]
     None,
     /// The robot has accepted a login, but obeys only after its first POWER.
     Login,

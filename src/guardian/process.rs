@@ -3,7 +3,6 @@
 use std::ffi::OsString;
 use std::fs::DirEntry;
 use std::io;
-use std::net::SocketAddr;
 use std::os::fd::{OwnedFd, RawFd};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,6 +20,7 @@ use super::message::{Datagram, GuardianMessage, MAX_MESSAGE_LEN, Route};
 use super::record::Record;
 use super::robot_link::{DialledLink, End, RobotLink};
 use super::stop_socket::{StopAnswer, StopSocket};
+use crate::robot_socket::FormerLink;
 use crate::wire::{Command, Engage};
 
 /// The hidden argument that makes the executable run as a guardian. The paths of its record and of
@@ -113,8 +113,8 @@ struct GuardianProcess {
     dead_man: DeadMan,
     /// The link that the agent has given.
     link: Option<RobotLink>,
-    /// The address of our end of that link, or of the last one.
-    former: Option<SocketAddr>,
+    /// The addresses of that link, or of the last one.
+    former: Option<FormerLink>,
     route: Option<Route>,
     /// A stop is owed.
     owed: bool,
@@ -260,9 +260,9 @@ impl GuardianProcess {
             _ => {}
         }
         if let Some(socket) = socket {
-            let link = RobotLink::new(socket);
-            self.former = link.local();
-            self.link = Some(link);
+            let robot = self.route.as_ref().map(|route| route.address);
+            self.former = robot.and_then(|robot| FormerLink::new(&socket, robot));
+            self.link = Some(RobotLink::new(socket));
         }
         self.dead_man.handle(message, Instant::now());
     }

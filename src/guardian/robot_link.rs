@@ -11,8 +11,9 @@ use rustix::io::Errno;
 use rustix::net::{
     RecvFlags, SendFlags, Shutdown, connect_unspec, getpeername, recv, send, shutdown,
 };
-use socket2::{Domain, Protocol, SockRef, Socket, TcpKeepalive, Type};
+use socket2::{SockRef, Socket};
 
+use crate::robot_socket::{self, FormerLink};
 use crate::socket_outq::unacknowledged;
 use crate::wire::{Decoder, Refusal, Report};
 
@@ -28,7 +29,6 @@ const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
 /// How long what is written on a dialled connection may stay unacknowledged. Then it is dialled
 /// anew: the kernel's own repetitions come at ever longer intervals.
 const DEAD_AFTER: Duration = Duration::from_millis(1500);
-const PROBE_INTERVAL: Duration = Duration::from_secs(1);
 
 /// What was read.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -54,12 +54,6 @@ pub(super) struct RobotLink {
 }
 
 impl RobotLink {
-    /// The address of this end.
-    pub(super) fn local(&self) -> Option<SocketAddr> {
-        let local = SockRef::from(&self.stream.socket).local_addr();
-        local.ok()?.as_socket()
-    }
-
     pub(super) fn new(socket: OwnedFd) -> RobotLink {
         RobotLink {
             stream: Stream::new(socket),
@@ -185,37 +179,21 @@ pub(super) struct DialledNews {
 }
 
 impl DialledLink {
-    /// Begins to connect, from the port of a former link if that is free: a robot that believes in
-    /// that link, and refuses others, then learns at once that it is gone.
+    /// Begins to connect, from the port of a former link if that is free.
     pub(super) fn begin(
         address: SocketAddr,
-        former: Option<SocketAddr>,
+        former: Option<FormerLink>,
     ) -> io::Result<DialledLink> {
-        if former.is_some()
-            && let Ok(dialled) = DialledLink::begin_from(address, former)
+        if let Some(former) = former
+            && let Ok(socket) = former.open(DEAD_AFTER)
+            && let Ok(dialled) = DialledLink::begin_on(socket, former.peer)
         {
             return Ok(dialled);
         }
-        DialledLink::begin_from(address, None)
+        DialledLink::begin_on(robot_socket::open(address, DEAD_AFTER)?, address)
     }
 
-    fn begin_from(address: SocketAddr, local: Option<SocketAddr>) -> io::Result<DialledLink> {
-        let socket = Socket::new(
-            Domain::for_address(address),
-            Type::STREAM,
-            Some(Protocol::TCP),
-        )?;
-        socket.set_nonblocking(true)?;
-        socket.set_tcp_nodelay(true)?;
-        let keepalive = TcpKeepalive::new()
-            .with_time(PROBE_INTERVAL)
-            .with_interval(PROBE_INTERVAL);
-        socket.set_tcp_keepalive(&keepalive)?;
-        socket.set_tcp_user_timeout(Some(DEAD_AFTER))?;
-        if let Some(local) = local {
-            socket.set_reuse_address(true)?;
-            socket.bind(&local.into())?;
-        }
+    fn begin_on(socket: Socket, address: SocketAddr) -> io::Result<DialledLink> {
         match socket.connect(&address.into()) {
             Ok(()) => {}
             Err(error) if error.raw_os_error() == Some(libc::EINPROGRESS) => {}

@@ -16,8 +16,8 @@ pub use options::{Backoff, Options};
 pub use pace::{Delays, Executes};
 pub use reader::{Incoming, Reader};
 pub use session::{
-    AcceptedLogin, Delivery, FormerLink, MAX_EARLY_REPORTS, Session, Supervision, close_gracefully,
-    connect, hang_up, open,
+    AcceptedLogin, Delivery, MAX_EARLY_REPORTS, Session, Supervision, close_gracefully, connect,
+    hang_up, open,
 };
 pub use target::{Target, TargetError, host_of, is_host_name};
 pub use writer::{Confirmation, Writer};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use socket2::{SockRef, TcpKeepalive};
+use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpSocket, TcpStream};
@@ -18,6 +18,7 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::writer::Confirmation;
 use super::{LinkError, Options, Reader, Target, Writer, discover};
+use crate::robot_socket::{self, FormerLink};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
@@ -78,7 +79,7 @@ pub async fn connect(
     }
     let options = &options;
     let former = match supervision.former {
-        Some(former) if supervision.hurried => former.connect(options).await,
+        Some(former) if supervision.hurried => replace(former, options).await,
         _ => None,
     };
     let stream = match former {
@@ -308,41 +309,13 @@ impl From<Vec<Command>> for Supervision {
     }
 }
 
-/// The addresses of a link that was lost. A robot that has not noticed believes in it and refuses
-/// other logins, until its system repeats something. A request for a connection from the same port
-/// makes both systems find out at once (RFC 9293, *half-open connections*).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FormerLink {
-    local: SocketAddr,
-    peer: SocketAddr,
+/// Resets a former link at the robot, or connects if the robot has forgotten it. `None` if there is
+/// no connection within [`RESET_TIME`], or the port is in use here.
+async fn replace(former: FormerLink, options: &Options) -> Option<TcpStream> {
+    let socket = former.open(options.dead_after).ok()?;
+    let connecting = TcpSocket::from_std_stream(socket.into()).connect(former.peer);
+    timeout(RESET_TIME, connecting).await.ok()?.ok()
 }
-
-impl FormerLink {
-    /// The link of this login.
-    pub fn new(login: &AcceptedLogin) -> Option<FormerLink> {
-        let local = login.socket.local_addr().ok()?;
-        let peer = login.peer;
-        Some(FormerLink { local, peer })
-    }
-
-    /// Resets the link at the robot, or connects if the robot has forgotten it. `None` if there is no
-    /// connection within [`RESET_TIME`], or the port is in use here.
-    async fn connect(self, options: &Options) -> Option<TcpStream> {
-        let socket = match self.local {
-            SocketAddr::V4(_) => TcpSocket::new_v4().ok()?,
-            SocketAddr::V6(_) => TcpSocket::new_v6().ok()?,
-        };
-        socket.set_reuseaddr(true).ok()?;
-        socket.bind(self.local).ok()?;
-        let connected = timeout(RESET_TIME, socket.connect(self.peer)).await.ok()?;
-        let stream = connected.ok()?;
-        set_options(&stream, options.dead_after).ok()?;
-        Some(stream)
-    }
-}
-
-/// Keepalive probes before a silent robot is given up. All fit into `dead_after`.
-const PROBES: u32 = 3;
 
 /// Connects, and sets the socket's options before a byte is sent.
 pub(super) async fn open_tcp(target: &Target, options: &Options) -> Result<TcpStream, LinkError> {
@@ -358,22 +331,8 @@ pub(super) async fn open_tcp(target: &Target, options: &Options) -> Result<TcpSt
             after: options.connect_timeout,
         })?
         .map_err(unreachable)?;
-    set_options(&stream, options.dead_after).map_err(unreachable)?;
+    robot_socket::set_options(&stream, options.dead_after).map_err(unreachable)?;
     Ok(stream)
-}
-
-/// Sends small commands without delay; ends the connection after `dead_after` if data stays
-/// unacknowledged or a silent robot does not answer the kernel's probes.
-fn set_options(stream: &TcpStream, dead_after: Duration) -> io::Result<()> {
-    stream.set_nodelay(true)?;
-    let probe_interval = (dead_after / PROBES).max(Duration::from_secs(1));
-    let keepalive = TcpKeepalive::new()
-        .with_time(probe_interval)
-        .with_interval(probe_interval)
-        .with_retries(PROBES);
-    let socket = SockRef::from(stream);
-    socket.set_tcp_keepalive(&keepalive)?;
-    socket.set_tcp_user_timeout(Some(dead_after))
 }
 
 /// Duplicates the socket, for writes outside a runtime and for the guardian process.
@@ -542,37 +501,29 @@ mod tests {
     async fn the_socket_is_set_to_detect_a_dead_robot() {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let target: Target = listener.local_addr().unwrap().to_string().parse().unwrap();
-        let stream = open_tcp(&target, &Options::default()).await.unwrap();
+        let options = Options::default();
+        let stream = open_tcp(&target, &options).await.unwrap();
         let socket = SockRef::from(&stream);
-        assert!(socket.tcp_nodelay().unwrap());
         assert!(socket.keepalive().unwrap());
-        assert_eq!(socket.tcp_keepalive_time().unwrap(), Duration::from_secs(1));
-        assert_eq!(
-            socket.tcp_keepalive_interval().unwrap(),
-            Duration::from_secs(1)
-        );
-        assert_eq!(socket.tcp_keepalive_retries().unwrap(), PROBES);
-        assert_eq!(
-            socket.tcp_user_timeout().unwrap(),
-            Some(Duration::from_secs(3))
-        );
+        assert_eq!(socket.tcp_user_timeout().unwrap(), Some(options.dead_after));
     }
 
     #[tokio::test]
-    async fn a_former_link_is_taken_up_from_its_port_unless_that_is_in_use() {
+    async fn a_former_link_is_taken_up_unless_its_port_is_in_use() {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let peer = listener.local_addr().unwrap();
         let stream = TcpStream::connect(peer).await.unwrap();
-        let former = FormerLink {
-            local: stream.local_addr().unwrap(),
-            peer,
-        };
+        let former = FormerLink::new(&stream, peer).unwrap();
+        let local = stream.local_addr().unwrap();
         let options = Options::default();
-        assert!(former.connect(&options).await.is_none(), "it is still open");
+        assert!(
+            replace(former, &options).await.is_none(),
+            "it is still open"
+        );
         // A reset leaves the port free at once.
         stream.set_zero_linger().unwrap();
         drop(stream);
-        let again = former.connect(&options).await.unwrap();
-        assert_eq!(again.local_addr().unwrap(), former.local);
+        let again = replace(former, &options).await.unwrap();
+        assert_eq!(again.local_addr().unwrap(), local);
     }
 }

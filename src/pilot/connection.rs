@@ -11,9 +11,9 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
 use crate::link::{
-    AcceptedLogin, Backoff, FormerLink, Incoming, LinkError, Options, Reader, Session, Supervision,
-    Writer,
+    AcceptedLogin, Backoff, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
+use crate::robot_socket::FormerLink;
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -204,7 +204,7 @@ impl Connection {
                         }
                     };
                     if let Some(login) = &*attempt.accepted.borrow() {
-                        self.former = FormerLink::new(login);
+                        self.former = FormerLink::new(&login.socket, login.peer);
                     }
                     return self.attempt_ended(result);
                 }
