@@ -2,7 +2,8 @@
 -- floor only from some distance on, so the robot remembers the points of the line that it has seen
 -- and steers to the nearest point that it has not reached yet. For tight bends, bend the head down.
 -- When there are no such points left, it turns to find the line again, first to the side where it
--- was last. After a full turn without a line, it stands still until it sees one.
+-- was last. After a full turn without a line, it stands still until it sees one. Up to a metre away,
+-- the black foot of a station looks like black tape.
 
 local floor = require("@spykee/floor")
 
