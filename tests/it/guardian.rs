@@ -6,10 +6,14 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use rustix::process::{
+    Pid, Resource, Rlimit, Signal, getrlimit, kill_process, kill_process_group, prlimit,
+};
 use spykee::guardian::{StopAnswer, request_stop};
 use spykee::sim::{Fault, FaultKind, Options, Timing, World};
 use spykee::wire::{Command, Engage, Refusal, Report};
+use tokio::io::AsyncReadExt as _;
+use tokio::net::TcpListener;
 use tokio::time::{Instant, timeout};
 
 use crate::rig::{
@@ -398,6 +402,63 @@ async fn without_a_guardian_nothing_drives_until_there_is_another_one() {
         let took = rests(&rig).await;
         assert!(took < LIMIT, "{took:?}");
     }
+}
+
+/// The lowest number that a process has no open file for.
+fn next_descriptor(pid: Pid) -> u64 {
+    let open = std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero())).unwrap();
+    let open: BTreeSet<u64> = open
+        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
+        .collect();
+    (0..).find(|number| !open.contains(number)).unwrap()
+}
+
+fn limit_descriptors(pid: Pid, current: Option<u64>) -> Option<u64> {
+    let limits = getrlimit(Resource::Nofile);
+    let limits = Rlimit { current, ..limits };
+    prlimit(Some(pid), Resource::Nofile, limits)
+        .unwrap()
+        .current
+}
+
+/// The guardian could not stop a robot over this link if the agent died.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_link_whose_socket_cannot_be_duplicated_for_the_guardian_is_not_used() {
+    let home = Rig::quiet().await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    drop(listener);
+    home.file("script.lua", DRIVE);
+    let robot = address.to_string();
+    let run = home.spykee(&["run", "script.lua", "--robot", &robot, "--wait"]);
+    run.says("trying until it answers").await;
+    // One more is the socket itself.
+    let one_more = next_descriptor(run.pid()) + 1;
+    let usual = limit_descriptors(run.pid(), Some(one_more));
+
+    let listener = TcpListener::bind(address).await.unwrap();
+    let (mut link, _) = timeout(WAIT_LIMIT, listener.accept())
+        .await
+        .unwrap()
+        .unwrap();
+    let mut heard = Vec::new();
+    let ended = timeout(WAIT_LIMIT, link.read_to_end(&mut heard)).await;
+    ended.expect("the link is kept").unwrap();
+    assert!(heard.is_empty(), "it has logged in: {heard:?}");
+    run.says("no guardian process can watch this link").await;
+
+    limit_descriptors(run.pid(), usual);
+    drop((link, listener));
+    let options = Options {
+        listen: address,
+        ..Options::default()
+    };
+    let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+    let rig = Rig::with(world, options).await;
+    rig.heard_motion(0).await;
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
 }
 
 /// Processes other than this one whose name `pkill spykee` would match.
