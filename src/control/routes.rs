@@ -5,6 +5,7 @@ use std::fmt;
 
 use axum::Router;
 use axum::body::Bytes;
+use axum::extract::rejection::BytesRejection;
 use axum::extract::{DefaultBodyLimit, FromRequest as _, Query, Request, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
@@ -23,6 +24,7 @@ use crate::http::{Refusal, Role, Visitor};
 /// Maximum length of a JSON body, in bytes.
 const MAX_BODY: usize = 16 * 1024;
 const NO_SUCH_REQUEST: &str = "there is no such request: /api/openapi.json lists them";
+const TOO_LONG_TO_SAY: &str = "that is too long to say at once: at most 30 s";
 
 /// The routes of a run's requests. Who sends one must be known (see [`Visitor`]).
 pub fn routes(run: Run) -> Router {
@@ -62,7 +64,7 @@ async fn parse(route: &Route, request: Request) -> Result<RunRequest, Refusal> {
     let is_json = content_type.is_some_and(|kind| kind.as_bytes().starts_with(b"application/json"));
     let body = Bytes::from_request(request, &())
         .await
-        .map_err(|error| Refusal::new(error.status(), error.body_text()))?;
+        .map_err(|error| unreadable(route, &error))?;
     if route.takes_samples() {
         return Ok(RunRequest::Say {
             samples: body.to_vec(),
@@ -78,6 +80,14 @@ async fn parse(route: &Route, request: Request) -> Result<RunRequest, Refusal> {
     let Fields(fields) = serde_json::from_slice(&body)
         .map_err(|error| Refusal::new(StatusCode::BAD_REQUEST, error.to_string()))?;
     from_fields(route, fields)
+}
+
+fn unreadable(route: &Route, error: &BytesRejection) -> Refusal {
+    let status = error.status();
+    if route.takes_samples() && status == StatusCode::PAYLOAD_TOO_LARGE {
+        return Refusal::new(status, TOO_LONG_TO_SAY);
+    }
+    Refusal::new(status, error.body_text())
 }
 
 /// The fields of a JSON object, each once.

@@ -10,7 +10,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::info;
 
 use super::emergency_stop::EmergencyStop;
-use super::request::{Change, MAX_SPEECH, RunRequest};
+use super::request::{Change, RunRequest};
 use super::response::RunResponse;
 use super::run_status::{self, BehaviourListing, RunStatus, Start};
 use super::world_change::SimulatedRobot;
@@ -142,10 +142,10 @@ impl Run {
     /// Refuses here, with a reason, what lower layers would drop without an answer.
     fn allowed(&self, request: &RunRequest) -> Result<(), &'static str> {
         let status = *self.status.borrow();
-        let (stream, length) = match request {
-            RunRequest::Say { samples } => (Some(Stream::AudioOut), samples.len()),
-            RunRequest::Picture { .. } => (Some(Stream::Video), 0),
-            _ => (None, 0),
+        let stream = match request {
+            RunRequest::Say { .. } => Some(Stream::AudioOut),
+            RunRequest::Picture { .. } => Some(Stream::Video),
+            _ => None,
         };
         let lights_and_sounds = matches!(
             request,
@@ -157,8 +157,6 @@ impl Run {
         );
         if stream.is_some_and(|stream| self.streams.usage(stream) == Use::Off) {
             Err("the run's config keeps this stream off")
-        } else if length > MAX_SPEECH {
-            Err("that is too long to say at once")
         } else if lights_and_sounds && status.safety == WatchdogState::Alarm {
             Err(
                 "the battery is low and the alarm sounds: only the watchdog controls lights and sounds",

@@ -160,7 +160,10 @@ async fn endless_long_or_malformed_bodies_are_refused() {
         ),
         ("/api/behaviour", "{\"name\":\"<b>\",\"change\":\"start\"}"),
         ("/api/behaviour", "{\"name\":\"nobody\",\"change\":\"fly\"}"),
-        ("/api/behaviours/nobody", "{\"change\":\"start\"}"),
+        (
+            "/api/behaviour",
+            "{\"name\":\"nobody\",\"change\":\"start\"}",
+        ),
         ("/api/dance", "{}"),
         ("/api/status", "{}"),
         ("/api/login", "{\"token\":\"guess\"}"),
@@ -169,6 +172,13 @@ async fn endless_long_or_malformed_bodies_are_refused() {
         let (status, answer) = ask(&at, &format!("POST {path}"), "", body).await;
         assert!((400..500).contains(&status), "{path}: {status} {answer}");
     }
+    // Half a minute, and one byte more.
+    let speech = "x".repeat(30 * 32_000 + 1);
+    let refused = ask(&at, "POST /api/say", "", &speech).await;
+    assert!(
+        refused.0 == 413 && refused.1.contains("too long to say at once"),
+        "{refused:?}"
+    );
     let led = format!("POST /api/led HTTP/1.1\r\nHost: {at}\r\nContent-Type: application/json\r\n");
     for framing in [
         "Content-Length: 99999999999\r\n\r\n",
