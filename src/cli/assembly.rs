@@ -12,13 +12,13 @@ use tokio_util::sync::CancellationToken;
 
 use super::embedded::{EmbeddedSim, Simulated};
 use super::live::PageInputs;
-use super::robot_target::{connector, resolve_or_simulate_with};
+use super::robot_target::{ChosenRobot, connector};
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
     refuse_if_stopped, rescue, runtime, warn_of_unpaid_stop,
 };
 use super::status::StatusLine;
-use super::{Console, Failure, RUNTIME_LIMIT, RobotChoice, broker, notify};
+use super::{Console, Failure, RUNTIME_LIMIT, broker, notify};
 use crate::agent::{
     Agent, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Plan, retry_until_connected,
 };
@@ -39,7 +39,7 @@ use crate::wire::Login;
 pub(super) struct RunSetup<'a> {
     /// The settings; the page's address may come from a flag.
     pub(super) settings: &'a Effective,
-    pub(super) choice: RobotChoice,
+    pub(super) robot: ChosenRobot,
     pub(super) login: Login,
     pub(super) seed: u64,
     pub(super) firmware: Firmware,
@@ -106,7 +106,7 @@ impl Assembly {
             faults: setup.page.is_some(),
             firmware: setup.firmware,
         };
-        let (target, sim) = resolve_or_simulate_with(setup.choice, &setup.login, setup.seed, kind)?;
+        let (target, sim) = setup.robot.start(&setup.login, setup.seed, kind)?;
         // A person can release a STOP that holds at a page, and a service waits for that.
         if setup.page.is_none() && !setup.waits_for_reset {
             refuse_if_stopped(config, sim.is_some())?;

@@ -32,14 +32,13 @@ pub(super) struct EmbeddedSim {
 }
 
 impl EmbeddedSim {
-    /// Starts a simulator in the default world or the named one; it accepts this one login.
+    /// Starts a simulator in this world; it accepts this one login.
     pub(super) fn start(
-        world: Option<&Path>,
+        world: World,
         login: &Login,
         seed: u64,
         kind: Simulated,
     ) -> Result<EmbeddedSim, Failure> {
-        let world = load(world)?;
         let options = Options {
             login: login.clone(),
             seed,

@@ -12,8 +12,9 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::embedded::Simulated;
 use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
-use super::robot_target::{self, connector, resolve_or_simulate, robot_choice};
+use super::robot_target::{ChosenRobot, connector};
 use super::settings::SettingsArgs;
 use super::startup::{
     driving_core, guardian_files, heartbeat, launcher, refuse_if_stopped, rescue, runtime,
@@ -56,13 +57,13 @@ pub(super) struct ReplArgs {
 /// Runs the session until the user ends it.
 pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let mut config = args.settings.config()?.clone();
-    config.camera = robot_target::camera(&args.connection, &config)?;
+    let robot = ChosenRobot::load(&args.connection, &mut config)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let choice = robot_choice(&args.connection, &config)?;
+    let robot = ChosenRobot::required(robot)?;
     let login = args.connection.login.login(args.settings.load()?)?;
     let runtime = runtime()?;
-    let (target, sim) = resolve_or_simulate(choice, &login, seed)?;
+    let (target, sim) = robot.start(&login, seed, Simulated::default())?;
     refuse_if_stopped(&config, sim.is_some())?;
     let core = driving_core()?;
     let connector = connector(target, login);

@@ -13,12 +13,12 @@ use super::fast::{EventFile, Fast, SimulationJournalOptions};
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
 use super::params::Param;
-use super::robot_target::{self, robot_choice};
+use super::robot_target::ChosenRobot;
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{serve, show};
 use super::world::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check};
+use super::{ConnectionArgs, Console, Exit, Failure, broker, check};
 use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::behaviour::{RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Span, Zone};
@@ -123,7 +123,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     if let Some(address) = args.live {
         config.live.listen = Some(address.unwrap_or(config.live.address()));
     }
-    config.camera = robot_target::camera(&args.connection, &config)?;
+    let robot = ChosenRobot::load(&args.connection, &mut config)?;
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loaded = load(&args, &config, seed)?;
@@ -131,8 +131,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     if !args.no_check && !args.watch {
         check::before_run(&loaded.behaviours, console)?;
     }
-    let choice = robot_choice(&args.connection, &config)?;
-    let simulated = matches!(choice, RobotChoice::Sim(_));
+    let robot = ChosenRobot::required(robot)?;
+    let simulated = robot.is_simulated();
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
         let what = "--date needs --sim: a real robot uses today's date";
@@ -150,27 +150,27 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         return fast(
             &args,
             &config,
-            choice,
+            robot,
             loaded.behaviours,
             login,
             seed,
             console,
         );
     }
-    in_real_time(&args, &config, choice, loaded, login, seed, console)
+    in_real_time(&args, &config, robot, loaded, login, seed, console)
 }
 
 /// Runs on a robot, or on a simulated one inside this program.
 fn in_real_time(
     args: &RunArgs,
     config: &Config,
-    choice: RobotChoice,
+    robot: ChosenRobot,
     loaded: LoadedBehaviours,
     login: Login,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let trace = trace_file(args, matches!(choice, RobotChoice::Sim(_)))?;
+    let trace = trace_file(args, robot.is_simulated())?;
     let LoadedBehaviours {
         behaviours,
         specs,
@@ -180,7 +180,7 @@ fn in_real_time(
     settings.config = config.clone();
     let assembly = Assembly::new(RunSetup {
         settings: &settings,
-        choice,
+        robot,
         login,
         seed,
         firmware: args.firmware.load()?,
@@ -238,13 +238,13 @@ fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
 fn fast(
     args: &RunArgs,
     config: &Config,
-    choice: RobotChoice,
+    robot: ChosenRobot,
     behaviours: Vec<Behaviour>,
     login: Login,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let RobotChoice::Sim(world) = choice else {
+    let ChosenRobot::Sim(world) = robot else {
         let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
@@ -272,7 +272,7 @@ fn fast(
     let page = args.live.map(|_| definition(&behaviours));
     let page = page.map(|page| PageInputs::new(config, page, &options.bus));
     let fast = Fast {
-        world: super::embedded::load(world.as_deref())?,
+        world: *world,
         behaviours,
         options,
         limit: args.limit.map(Span::get),

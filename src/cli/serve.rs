@@ -14,10 +14,10 @@ use self::service_plan::{LoadedPlan, PlanLoader};
 use super::assembly::{Assembly, RunParts, RunSetup};
 use super::interrupt::{handle_service_signals, listen};
 use super::privileges::drop_root;
-use super::robot_target::{self, robot_choice};
+use super::robot_target::ChosenRobot;
 use super::settings::SettingsArgs;
 use super::startup::{self, show};
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker};
+use super::{ConnectionArgs, Console, Exit, Failure, broker};
 use crate::agent::{AgentError, Outcome};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
@@ -78,10 +78,9 @@ pub(super) struct ServeArgs {
 
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let mut config = args.settings.config()?.clone();
-    config.camera = robot_target::camera(&args.connection, &config)?;
-    let choice = robot_choice(&args.connection, &config)?;
+    let robot = ChosenRobot::required(ChosenRobot::load(&args.connection, &mut config)?)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let simulated = matches!(choice, RobotChoice::Sim(_));
+    let simulated = robot.is_simulated();
     let clock = clock(args, &config, simulated)?;
     become_user(&config, simulated)?;
     args.settings.announce();
@@ -90,7 +89,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let loader = plan_loader(args, console, seed, clock, camera);
     let loaded = loader.load(&config)?;
     if args.fast {
-        return fast::serve(args, choice, login, &config, loaded, seed, console);
+        return fast::serve(args, robot, login, &config, loaded, seed, console);
     }
     let record = RecordFile::open(config.data_folder());
     let beats = Arc::new(Notify::new());
@@ -99,7 +98,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     settings.config = config.clone();
     let assembly = Assembly::new(RunSetup {
         settings: &settings,
-        choice,
+        robot,
         login,
         seed,
         firmware: Firmware::default(),

@@ -6,9 +6,10 @@ use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{CheckResult, DoctorReport};
+use crate::cli::embedded::Simulated;
 use crate::cli::interrupt::interruption;
 use crate::cli::robot::send_home_if_low;
-use crate::cli::robot_target::resolve_or_simulate;
+use crate::cli::robot_target::ChosenRobot;
 use crate::cli::startup::is_stopped;
 use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
@@ -109,7 +110,8 @@ async fn robot(
     let config = &settings.config;
     let options = link::Options::default();
     let login = connection.login.login(settings)?;
-    let (target, sim) = resolve_or_simulate(place, &login, 0)?;
+    let chosen = ChosenRobot::from_choice(place)?;
+    let (target, sim) = chosen.start(&login, 0, Simulated::default())?;
     let reachable = check_reachable(&target, options.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
     report.add(reachable)?;

@@ -19,8 +19,8 @@ use std::ops::Deref;
 use clap::Subcommand;
 
 use super::driver::DriverParts;
-use super::embedded::EmbeddedSim;
-use super::robot_target::{self, connector, resolve_or_simulate, robot_choice};
+use super::embedded::{EmbeddedSim, Simulated};
+use super::robot_target::{ChosenRobot, connector};
 use super::running::RemoteArgs;
 use super::running::{find_run, find_service};
 use super::settings::SettingsArgs;
@@ -178,10 +178,9 @@ impl TargetArgs {
     /// A config, login or world that cannot be used; no robot named.
     pub(super) fn resolve(&self, seed: u64) -> Result<RobotTarget, Failure> {
         let mut config = self.settings.config()?.clone();
-        config.camera = robot_target::camera(&self.connection, &config)?;
-        let choice = robot_choice(&self.connection, &config)?;
+        let robot = ChosenRobot::required(ChosenRobot::load(&self.connection, &mut config)?)?;
         let login = self.connection.login.login(self.settings.load()?)?;
-        let (address, sim) = resolve_or_simulate(choice, &login, seed)?;
+        let (address, sim) = robot.start(&login, seed, Simulated::default())?;
         Ok(RobotTarget {
             address,
             login,

@@ -2,10 +2,10 @@
 
 use super::service_plan::LoadedPlan;
 use super::{ServeArgs, exit};
-use crate::cli::embedded;
 use crate::cli::fast::{EventFile, SimulationJournalOptions, exit_when_stuck, no_simulation};
 use crate::cli::interrupt::TerminatingSignals;
-use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
+use crate::cli::robot_target::ChosenRobot;
+use crate::cli::{Console, Exit, Failure, startup};
 use crate::clock::{Span, Zone};
 use crate::config::Config;
 use crate::service::Service;
@@ -17,14 +17,14 @@ use crate::wire::Login;
 /// Serves until the time limit or the first signal.
 pub(super) fn serve(
     args: &ServeArgs,
-    place: RobotChoice,
+    robot: ChosenRobot,
     login: Login,
     config: &Config,
     loaded: LoadedPlan,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let RobotChoice::Sim(world) = place else {
+    let ChosenRobot::Sim(world) = robot else {
         let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
     };
@@ -43,12 +43,11 @@ pub(super) fn serve(
         ..simulation::Options::default()
     };
     let stop = options.stop.clone();
-    let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
     let journal_options = SimulationJournalOptions::from_config(config);
     exit_when_stuck(console);
-    let outcome = simulation::run(world, options, async |simulation: &Simulation| {
+    let outcome = simulation::run(*world, options, async |simulation: &Simulation| {
         let mut plan = simulation.plan(Vec::new());
         plan.limit = limit;
         let journal = journal_options.map(|options| options.start(&plan.bus));
