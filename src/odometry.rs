@@ -389,7 +389,7 @@ mod tests {
     use image::{Rgb, RgbImage};
 
     use super::*;
-    use crate::vision::{Camera, Image, Size};
+    use crate::vision::{Camera, Image, Size, SkylineReader};
 
     const AHEAD: Driver = Driver::Script(Drive {
         forward: 0.2,
@@ -477,7 +477,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([value as u8; 3])
         });
-        Skyline::from_image(&Image::from_rgb(&picture), camera)
+        SkylineReader::new(camera).read(&Image::from_rgb(&picture))
     }
 
     #[test]

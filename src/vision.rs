@@ -35,7 +35,7 @@ pub use picture::{Image, MAX_HEIGHT, MAX_WIDTH, Roi, Size, brightness, sharpness
 pub use qrcode::{MAX_CODES, MAX_QR_STEPS, QrCode, find_qrcodes, find_qrcodes_counting};
 pub use standstill::{Drive, Profiles, Verdict, compare as compare_profiles};
 pub use tracker::{Track, Tracker, TrackerOptions};
-pub use turn::Skyline;
+pub use turn::{Skyline, SkylineReader};
 
 /// The vector instructions to use, selected at run time. Code that is compiled for several
 /// instruction sets gives bit-identical results with each.

@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::options::Options;
 use crate::odometry::TimedMotion;
 use crate::robot::Frame;
-use crate::vision::{Blob, Damage, FrameAnalyser, Size};
+use crate::vision::{Blob, Damage, FrameAnalyser, Size, SkylineReader};
 
 /// Least time between two kept frames.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -50,6 +50,7 @@ pub(super) struct FrameState {
     /// JPEG bytes of all frames that are still referenced.
     pub(super) held_bytes: Rc<Cell<u64>>,
     pub(super) analyser: FrameAnalyser,
+    pub(super) skyline_reader: SkylineReader,
     /// Number of trackers and motion detectors that exist.
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be examined for the robot's own motion.
@@ -75,6 +76,7 @@ impl FrameState {
             newest: None,
             held_bytes: Rc::default(),
             analyser: FrameAnalyser::new(options.camera),
+            skyline_reader: SkylineReader::new(options.camera),
             watchers: Rc::default(),
             motion_check: None,
             turned: None,

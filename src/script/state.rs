@@ -35,9 +35,7 @@ use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{
     Battery, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo, StreamOff,
 };
-use crate::vision::{
-    Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, Skyline, validate_markers,
-};
+use crate::vision::{Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, validate_markers};
 use crate::wire::Stream;
 
 /// Least turn between two frames, in radians, that is searched for in the pictures.
@@ -232,7 +230,7 @@ impl State {
             return;
         };
         let skyline = if turns {
-            Some(Skyline::from_image(image, camera))
+            Some(self.frames.skyline_reader.read(image))
         } else {
             None
         };

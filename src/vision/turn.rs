@@ -1,8 +1,10 @@
 //! Measures how far the camera has turned between two pictures, from the brightness along the
 //! horizon.
 
+use std::ops::Range;
+
 use super::camera::Camera;
-use crate::vision::picture::Image;
+use crate::vision::picture::{Image, Size};
 
 /// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;
@@ -22,64 +24,130 @@ pub struct Skyline {
     places: Vec<f64>,
 }
 
-impl Skyline {
+/// Reads skylines from the pictures of one camera.
+#[derive(Debug, Clone)]
+pub struct SkylineReader {
+    camera: Camera,
+    samples: Option<Samples>,
+}
+
+/// Where the samples of a skyline are in pictures of one size.
+#[derive(Debug, Clone)]
+struct Samples {
+    size: Size,
+    /// Rows in the column straight ahead.
+    rows: Range<u32>,
+    /// Rows by which the horizon is lower in each column; empty if it is level.
+    shifts: Vec<f64>,
+    places: Vec<Place>,
+}
+
+/// A direction between a column and the next one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    column: usize,
+    /// The share of the next one.
+    part: f64,
+}
+
+impl SkylineReader {
+    /// Creates a reader for this camera.
+    pub fn new(camera: Camera) -> SkylineReader {
+        SkylineReader {
+            camera,
+            samples: None,
+        }
+    }
+
     /// The skyline of a picture.
-    pub fn from_image(image: &Image, camera: Camera) -> Skyline {
+    pub fn read(&mut self, image: &Image) -> Skyline {
         let size = image.size();
+        let samples = match &mut self.samples {
+            Some(samples) if samples.size == size => samples,
+            samples => samples.insert(Samples::new(self.camera, size)),
+        };
+        samples.skyline(image)
+    }
+}
+
+impl Samples {
+    fn new(camera: Camera, size: Size) -> Samples {
         let horizon = camera.horizon(size);
         let height = f64::from(size.height);
         let tilt = horizon.tilt(f64::from(size.width));
         let bottom = (horizon.y + 0.5).min(height - tilt);
         let top = (bottom - BAND * height).max(tilt);
+        let mut samples = Samples {
+            size,
+            rows: 0..0,
+            shifts: Vec::new(),
+            places: Vec::new(),
+        };
         if bottom - top < 1.0 || size.width < 2 {
-            return Skyline::default();
+            return samples;
         }
-        let top = top as u32;
-        let bottom = bottom as u32;
-        let mut columns = vec![0u32; size.width as usize];
-        let shifts: Vec<f64> = (0..columns.len())
-            .map(|column| horizon.shift(column as f64))
-            .collect();
-        for y in top..bottom {
-            if horizon.slope == 0.0 {
+        samples.rows = top as u32..bottom as u32;
+        if horizon.slope != 0.0 {
+            let shift = |column| horizon.shift(f64::from(column));
+            samples.shifts = (0..size.width).map(shift).collect();
+        }
+        let row = f64::from(samples.rows.start + samples.rows.end) / 2.0;
+        let bearing = |column: u32| {
+            let column = f64::from(column);
+            camera.bearing(column, row + horizon.shift(column), size)
+        };
+        samples.places = places(&(0..size.width).map(bearing).collect::<Vec<_>>());
+        samples
+    }
+
+    fn skyline(&self, image: &Image) -> Skyline {
+        let mut columns = vec![0u32; self.size.width as usize];
+        for y in self.rows.clone() {
+            if self.shifts.is_empty() {
                 let row = image.luma_row(y);
                 columns
                     .iter_mut()
                     .zip(row)
                     .for_each(|(sum, value)| *sum += u32::from(*value));
             } else {
-                for (column, (sum, shift)) in columns.iter_mut().zip(&shifts).enumerate() {
-                    let y = (f64::from(y) + shift).clamp(0.0, height - 1.0);
+                let last = f64::from(self.size.height) - 1.0;
+                for (column, (sum, shift)) in columns.iter_mut().zip(&self.shifts).enumerate() {
+                    let y = (f64::from(y) + shift).clamp(0.0, last);
                     *sum += u32::from(image.luma_row(y as u32)[column]);
                 }
             }
         }
-        let rows = f64::from(bottom - top);
+        let rows = self.rows.len() as f64;
         let mean = |column: usize| f64::from(columns[column]) / rows;
-        let last = columns.len() - 1;
-        let row = f64::from(top + bottom) / 2.0;
-        let bearings: Vec<f64> = shifts
-            .iter()
-            .enumerate()
-            .map(|(column, shift)| camera.bearing(column as f64, row + shift, size))
-            .collect();
-        let bearing = |column: usize| bearings[column];
-        let half = (bearing(0).min(-bearing(last)) / STEP) as i32;
-        let mut places = Vec::new();
-        let mut column = 0;
-        for place in -half..=half {
-            let wanted = -f64::from(place) * STEP;
-            while column + 1 < last && bearing(column + 1) > wanted {
-                column += 1;
-            }
-            let left = bearing(column);
-            let right = bearing(column + 1);
-            let part = ((left - wanted) / (left - right)).clamp(0.0, 1.0);
-            places.push(mean(column) * (1.0 - part) + mean(column + 1) * part);
+        let brightness = |place: &Place| {
+            mean(place.column) * (1.0 - place.part) + mean(place.column + 1) * place.part
+        };
+        Skyline {
+            places: self.places.iter().map(brightness).collect(),
         }
-        Skyline { places }
     }
+}
 
+/// The places at equal angles between the bearings of at least two columns, which fall.
+fn places(bearings: &[f64]) -> Vec<Place> {
+    let last = bearings.len() - 1;
+    let half = (bearings[0].min(-bearings[last]) / STEP) as i32;
+    let mut column = 0;
+    let mut places = Vec::new();
+    for place in -half..=half {
+        let wanted = -f64::from(place) * STEP;
+        while column + 1 < last && bearings[column + 1] > wanted {
+            column += 1;
+        }
+        let left = bearings[column];
+        let right = bearings[column + 1];
+        let part = ((left - wanted) / (left - right)).clamp(0.0, 1.0);
+        places.push(Place { column, part });
+    }
+    places
+}
+
+impl Skyline {
     /// Measures how far the camera has turned since `before`, in radians, left positive. Searches
     /// within `reach` of the expected angle; `None` if no angle fits clearly.
     pub fn turned_since(&self, before: &Skyline, expected: f64, reach: f64) -> Option<f64> {
@@ -149,7 +217,6 @@ mod tests {
     use image::{Rgb, RgbImage};
 
     use super::*;
-    use crate::vision::Size;
 
     const SIZE: Size = Size {
         width: 320,
@@ -167,7 +234,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([(value * light).clamp(0.0, 255.0) as u8; 3])
         });
-        Skyline::from_image(&Image::from_rgb(&picture), camera)
+        SkylineReader::new(camera).read(&Image::from_rgb(&picture))
     }
 
     #[test]
@@ -188,18 +255,35 @@ mod tests {
             room(1.3, 1.0).turned_since(&room(1.0, 1.0), 0.0, 0.05),
             None
         );
-        let plain = Skyline::from_image(
-            &Image::from_rgb(&RgbImage::from_pixel(320, 240, Rgb([70; 3]))),
-            Camera::default(),
-        );
-        assert_eq!(plain.turned_since(&plain, 0.0, 0.3), None);
-        assert_eq!(plain.turned_since(&room(1.0, 1.0), 0.0, 0.3), None);
+        let mut reader = SkylineReader::new(Camera::default());
+        let mut plain = |width, height| {
+            let picture = RgbImage::from_pixel(width, height, Rgb([70; 3]));
+            reader.read(&Image::from_rgb(&picture))
+        };
+        let large = plain(320, 240);
+        assert_eq!(large.turned_since(&large, 0.0, 0.3), None);
+        assert_eq!(large.turned_since(&room(1.0, 1.0), 0.0, 0.3), None);
         for side in [0, 1, 2, 3, 9] {
-            let tiny = Skyline::from_image(
-                &Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([70; 3]))),
-                Camera::default(),
-            );
+            let tiny = plain(side, side);
             assert_eq!(tiny.turned_since(&tiny, 0.1, 0.3), None);
+        }
+    }
+
+    #[test]
+    fn a_reader_follows_the_size_of_the_pictures() {
+        let camera = Camera {
+            roll: 4.0,
+            ..Camera::default()
+        };
+        let picture = |width, height| {
+            let luma = |x, y| Rgb([((x * 7 + y * 3) % 256) as u8; 3]);
+            Image::from_rgb(&RgbImage::from_fn(width, height, luma))
+        };
+        let mut reader = SkylineReader::new(camera);
+        for (width, height) in [(320, 240), (160, 120), (160, 240), (0, 0), (320, 240)] {
+            let picture = picture(width, height);
+            let alone = SkylineReader::new(camera).read(&picture);
+            assert_eq!(reader.read(&picture), alone, "{width}x{height}");
         }
     }
 }
