@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::control::SimulatedRobot;
-use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
+use crate::sim::{self, Handle, Paint, Point, Pose, RADIUS, Spot, TraceEventKind};
 use crate::simulation::ClockMode;
 
 /// Maximum number of points of the robot's path that a new viewer gets.
@@ -155,43 +155,60 @@ fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 
     ]
 }
 
+fn wall_corners(wall: &sim::Wall) -> Vec<[f64; 2]> {
+    let from = wall.from.point();
+    let to = wall.to.point();
+    let middle = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0);
+    let length = from.distance(to) + wall.thickness;
+    rectangle(middle, length, wall.thickness, from.direction_of(to))
+}
+
+impl From<&sim::Furniture> for Shape {
+    fn from(item: &sim::Furniture) -> Shape {
+        let heading = item.heading_degrees.to_radians();
+        Shape {
+            name: item.name.clone(),
+            colour: colour(item.colour),
+            corners: rectangle(item.at.point(), item.length, item.width, heading),
+        }
+    }
+}
+
+impl From<&sim::Rug> for Shape {
+    fn from(rug: &sim::Rug) -> Shape {
+        Shape {
+            name: String::new(),
+            colour: colour(rug.colour),
+            corners: rectangle(rug.at.point(), rug.width, rug.depth, 0.0),
+        }
+    }
+}
+
+impl From<&sim::Tape> for Tape {
+    fn from(line: &sim::Tape) -> Tape {
+        Tape {
+            colour: colour(line.colour),
+            width: line.width,
+            closed: line.closed,
+            through: line.through.iter().map(|spot| pair(spot.point())).collect(),
+            rounding: line.rounding,
+        }
+    }
+}
+
+impl Round {
+    fn new(name: &str, paint: Paint, at: Spot, radius: f64) -> Round {
+        Round {
+            name: name.to_owned(),
+            colour: colour(paint),
+            at: pair(at.point()),
+            radius,
+        }
+    }
+}
+
 pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
     let world = sim.world();
-    let round = |name: &str, paint, at: Point, radius| Round {
-        name: name.to_owned(),
-        colour: colour(paint),
-        at: pair(at),
-        radius,
-    };
-    let walls = world.walls.iter().map(|wall| {
-        let from = wall.from.point();
-        let to = wall.to.point();
-        let middle = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0);
-        let length = from.distance(to) + wall.thickness;
-        rectangle(middle, length, wall.thickness, from.direction_of(to))
-    });
-    let furniture = world.furniture.iter().map(|item| Shape {
-        name: item.name.clone(),
-        colour: colour(item.colour),
-        corners: rectangle(
-            item.at.point(),
-            item.length,
-            item.width,
-            item.heading_degrees.to_radians(),
-        ),
-    });
-    let rugs = world.rugs.iter().map(|rug| Shape {
-        name: String::new(),
-        colour: colour(rug.colour),
-        corners: rectangle(rug.at.point(), rug.width, rug.depth, 0.0),
-    });
-    let lines = world.lines.iter().map(|line| Tape {
-        colour: colour(line.colour),
-        width: line.width,
-        closed: line.closed,
-        through: line.through.iter().map(|spot| pair(spot.point())).collect(),
-        rounding: line.rounding,
-    });
     let balls = world.balls.iter();
     let posts = world.posts.iter();
     let walkers = world.walkers.iter();
@@ -202,24 +219,24 @@ pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
         width: world.room.width,
         depth: world.room.depth,
         radius: RADIUS,
-        walls: walls.collect(),
-        furniture: furniture.collect(),
-        rugs: rugs.collect(),
-        lines: lines.collect(),
+        walls: world.walls.iter().map(wall_corners).collect(),
+        furniture: world.furniture.iter().map(Shape::from).collect(),
+        rugs: world.rugs.iter().map(Shape::from).collect(),
+        lines: world.lines.iter().map(Tape::from).collect(),
         balls: balls
-            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .map(|it| Round::new("", it.colour, it.at, it.radius))
             .collect(),
         posts: posts
-            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .map(|it| Round::new("", it.colour, it.at, it.radius))
             .collect(),
         walkers: walkers
-            .map(|it| round(&it.name, it.colour, it.at.point(), it.radius))
+            .map(|it| Round::new(&it.name, it.colour, it.at, it.radius))
             .collect(),
         lamps: lamps
-            .map(|it| round(&it.name, it.colour, it.at.point(), it.reach))
+            .map(|it| Round::new(&it.name, it.colour, it.at, it.reach))
             .collect(),
         signs: signs
-            .map(|it| round(&it.text, Paint([255; 3]), it.at.point(), it.side / 2.0))
+            .map(|it| Round::new(&it.text, Paint([255; 3]), it.at, it.side / 2.0))
             .collect(),
         station: world.station.outline().into_iter().map(pair).collect(),
         beacon: world.beacon_cone().into_iter().map(pair).collect(),

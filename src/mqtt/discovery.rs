@@ -48,67 +48,15 @@ pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String
 }
 
 fn components(topics: &Topics, behaviours: &[String]) -> Value {
-    let state = topics.state();
-    let command = topics.command();
-    let sensor = |class: &str, template: &str| {
-        json!({
-            "device_class": class,
-            "state_topic": state,
-            "value_template": template,
-            "entity_category": "diagnostic",
-        })
-    };
-    let button = |payload: &str, icon: &str| json!({ "command_topic": command, "payload_press": payload, "icon": icon });
-    let mut battery = sensor("battery", "{{ value_json.battery }}");
-    battery["unit_of_measurement"] = "%".into();
-    battery["state_class"] = "measurement".into();
-    let charging = "{{ 'ON' if value_json.charging else 'OFF' }}";
-    let mut problem = sensor("problem", "{{ 'ON' if value_json.problem else 'OFF' }}");
-    problem["json_attributes_topic"] = state.clone().into();
-    problem["json_attributes_template"] =
-        "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
-            .into();
     let mut all = Components {
         topics,
         entities: Map::new(),
     };
-    let vacuum = json!({
-        "state_topic": state,
-        "command_topic": command,
-        "supported_features": ["start", "stop", "return_home", "locate"],
-    });
-    all.add("vacuum", "robot", Value::Null, vacuum);
-    all.add("sensor", "battery", "Battery".into(), battery);
-    let charging = sensor("battery_charging", charging);
-    all.add("binary_sensor", "charging", "Charging".into(), charging);
-    all.add("binary_sensor", "problem", "Problem".into(), problem);
-    let mut next = sensor("timestamp", "{{ value_json.next }}");
-    next["json_attributes_topic"] = state.clone().into();
-    next["json_attributes_template"] =
-        "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
-    all.add("sensor", "next", "Next start".into(), next);
-    let camera = json!({ "topic": topics.picture() });
-    all.add("camera", "camera", "Camera".into(), camera);
-    let event = json!({ "state_topic": topics.event(), "event_types": EVENTS });
-    all.add("event", "event", "Last event".into(), event);
-    for (payload, name, icon) in [
-        ("dock", "Dock", "mdi:home-import-outline"),
-        ("undock", "Undock", "mdi:home-export-outline"),
-        ("stop", "Stop", "mdi:stop"),
-        ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
-        ("snapshot", "Take a picture", "mdi:camera"),
-    ] {
-        all.add("button", payload, name.into(), button(payload, icon));
-    }
+    all.add_robot();
+    all.add_sensors();
+    all.add_buttons();
     if !behaviours.is_empty() {
-        let select = json!({
-            "state_topic": state,
-            "value_template": "{{ value_json.behaviour }}",
-            "command_topic": topics.behaviour(),
-            "options": behaviours,
-            "icon": "mdi:script-text-play-outline",
-        });
-        all.add("select", "behaviour", "Behaviour".into(), select);
+        all.add_choice_of(behaviours);
     }
     Value::Object(all.entities)
 }
@@ -119,6 +67,77 @@ struct Components<'a> {
 }
 
 impl Components<'_> {
+    fn add_robot(&mut self) {
+        let vacuum = json!({
+            "state_topic": self.topics.state(),
+            "command_topic": self.topics.command(),
+            "supported_features": ["start", "stop", "return_home", "locate"],
+        });
+        self.add("vacuum", "robot", Value::Null, vacuum);
+        let camera = json!({ "topic": self.topics.picture() });
+        self.add("camera", "camera", "Camera".into(), camera);
+        let event = json!({ "state_topic": self.topics.event(), "event_types": EVENTS });
+        self.add("event", "event", "Last event".into(), event);
+    }
+
+    fn add_sensors(&mut self) {
+        let state = self.topics.state();
+        let sensor = |class: &str, template: &str| {
+            json!({
+                "device_class": class,
+                "state_topic": state,
+                "value_template": template,
+                "entity_category": "diagnostic",
+            })
+        };
+        let mut battery = sensor("battery", "{{ value_json.battery }}");
+        battery["unit_of_measurement"] = "%".into();
+        battery["state_class"] = "measurement".into();
+        self.add("sensor", "battery", "Battery".into(), battery);
+        let charging = "{{ 'ON' if value_json.charging else 'OFF' }}";
+        let charging = sensor("battery_charging", charging);
+        self.add("binary_sensor", "charging", "Charging".into(), charging);
+        let mut problem = sensor("problem", "{{ 'ON' if value_json.problem else 'OFF' }}");
+        problem["json_attributes_topic"] = state.clone().into();
+        problem["json_attributes_template"] =
+            "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
+                .into();
+        self.add("binary_sensor", "problem", "Problem".into(), problem);
+        let mut next = sensor("timestamp", "{{ value_json.next }}");
+        next["json_attributes_topic"] = state.clone().into();
+        next["json_attributes_template"] =
+            "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
+        self.add("sensor", "next", "Next start".into(), next);
+    }
+
+    fn add_buttons(&mut self) {
+        for (payload, name, icon) in [
+            ("dock", "Dock", "mdi:home-import-outline"),
+            ("undock", "Undock", "mdi:home-export-outline"),
+            ("stop", "Stop", "mdi:stop"),
+            ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
+            ("snapshot", "Take a picture", "mdi:camera"),
+        ] {
+            let button = json!({
+                "command_topic": self.topics.command(),
+                "payload_press": payload,
+                "icon": icon,
+            });
+            self.add("button", payload, name.into(), button);
+        }
+    }
+
+    fn add_choice_of(&mut self, behaviours: &[String]) {
+        let select = json!({
+            "state_topic": self.topics.state(),
+            "value_template": "{{ value_json.behaviour }}",
+            "command_topic": self.topics.behaviour(),
+            "options": behaviours,
+            "icon": "mdi:script-text-play-outline",
+        });
+        self.add("select", "behaviour", "Behaviour".into(), select);
+    }
+
     fn add(&mut self, platform: &str, key: &str, name: Value, mut entity: Value) {
         let id = &self.topics.id;
         let object = format!("{}_{key}", id.to_lowercase().replace('-', "_"));

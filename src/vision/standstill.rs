@@ -130,9 +130,14 @@ impl Profiles {
         self.size = (w, h);
         self.layout = Layout::new(camera, w, h);
         image.halve_luma(&mut self.luma);
+        self.take_bands();
+        self.take_strips();
+    }
+
+    fn take_bands(&mut self) {
+        let (w, h) = self.size;
         let luma = &self.luma;
-        // The layout leaves room for the shift; the clamp is for pictures of a few pixels.
-        let row = |y: isize| &luma[y.clamp(0, h as isize - 1) as usize * w..][..w];
+        let row = |y: isize| row_of(luma, w, y);
         let level = self.layout.horizon.slope == 0.0;
         let shifts: Vec<isize> = if level {
             Vec::new()
@@ -159,6 +164,12 @@ impl Profiles {
             let rows = rows.len() as f32;
             band.iter_mut().for_each(|sum| *sum /= rows);
         }
+    }
+
+    fn take_strips(&mut self) {
+        let (w, h) = self.size;
+        let luma = &self.luma;
+        let row = |y: isize| row_of(luma, w, y);
         let wide = w / STRIPS;
         for (number, strip) in self.strips.iter_mut().enumerate() {
             let left = number * wide;
@@ -221,6 +232,13 @@ fn steps(rows: &[f32]) -> impl Iterator<Item = f32> + '_ {
     let mean = |rows: &[f32]| rows.iter().sum::<f32>() / STEP_ROWS as f32;
     rows.windows(2 * STEP_ROWS + 1)
         .map(move |rows| (mean(&rows[..STEP_ROWS]) - mean(&rows[STEP_ROWS + 1..])).abs())
+}
+
+/// A row of a picture of this width. The layout leaves room for the shift; the clamp is for pictures
+/// of a few pixels.
+fn row_of(luma: &[u8], width: usize, y: isize) -> &[u8] {
+    let last = (luma.len() / width.max(1)) as isize - 1;
+    &luma[y.clamp(0, last.max(0)) as usize * width..][..width]
 }
 
 /// Whether the brightness has no step from the rows above to the rows below.
