@@ -23,9 +23,8 @@ use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
 use crate::journal::When;
 use crate::live::RunDefinition;
-use crate::service::{ManagerNotifier, RecordFile, Service, View};
+use crate::service::{ManagerNotifier, OpenedRecord, RecordFile, Service, View};
 use crate::sim::Firmware;
-use crate::timetable::Record;
 use crate::vision::Camera;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
@@ -164,7 +163,7 @@ fn plan_loader(
 struct ServiceParts {
     parts: RunParts,
     clock: Clock,
-    record: (Record, Option<RecordFile>),
+    record: OpenedRecord,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
     loader: PlanLoader,

@@ -336,9 +336,7 @@ impl BatteryMonitor {
 
     /// Believes a level that is an outlier when it is confirmed; one that falls to low, at once.
     fn judge_level(&mut self, level: Percent, power: Power, now: Instant) {
-        let is_outlier = self
-            .level
-            .is_some_and(|before| self.is_outlier(before, level, now));
+        let is_outlier = self.is_outlier(level, now);
         let falls = self.level.is_some_and(|(before, _)| level < before);
         let proved = self.outlier.observe(is_outlier, power, now);
         if !is_outlier || proved || (falls && level <= self.low) {
@@ -347,7 +345,10 @@ impl BatteryMonitor {
         }
     }
 
-    fn is_outlier(&self, (before, at): (Percent, Instant), level: Percent, now: Instant) -> bool {
+    fn is_outlier(&self, level: Percent, now: Instant) -> bool {
+        let Some((before, at)) = self.level else {
+            return false;
+        };
         let seconds = now.saturating_duration_since(at).as_secs_f64();
         let change = f64::from(level.get()) - f64::from(before.get());
         let explained = match self.charging {

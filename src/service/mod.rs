@@ -16,7 +16,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 pub use manager_notifier::ManagerNotifier;
-pub use record::RecordFile;
+pub use record::{OpenedRecord, RecordFile};
 pub use unit::{Unit, unit};
 
 use self::executor::Executor;
@@ -27,7 +27,7 @@ use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
 pub use crate::timetable::View;
-use crate::timetable::{Planner, Record, Timetable};
+use crate::timetable::{Planner, Timetable};
 
 /// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
@@ -88,9 +88,7 @@ pub struct Service {
     pub status: watch::Receiver<Status>,
     pub clock: Clock,
     pub service_plan: ServicePlan,
-    /// What was under way when the previous service ended, and the file where this is recorded;
-    /// without a file nothing is recorded.
-    pub record: (Record, Option<RecordFile>),
+    pub record: OpenedRecord,
     pub notifier: ManagerNotifier,
     /// Publishes missed starts; the bus of the agent's plan.
     pub bus: Bus,
@@ -105,7 +103,7 @@ impl Service {
     pub fn in_simulation(
         mut plan: Plan,
         service_plan: ServicePlan,
-        record: (Record, Option<RecordFile>),
+        record: OpenedRecord,
         seed: u64,
     ) -> Service {
         plan.stays = true;
@@ -134,7 +132,7 @@ impl Service {
             status,
             clock,
             service_plan,
-            record: (record, file),
+            record: OpenedRecord { record, file },
             notifier,
             bus,
             view,

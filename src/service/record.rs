@@ -18,6 +18,15 @@ const WAITING: usize = 4;
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 
+/// The record of the previous service, and the file for new ones.
+#[derive(Debug, Default)]
+pub struct OpenedRecord {
+    /// What was under way when the previous service ended.
+    pub record: Record,
+    /// Without a file nothing is recorded.
+    pub file: Option<RecordFile>,
+}
+
 #[derive(Debug)]
 pub struct RecordFile(Writer);
 
@@ -30,23 +39,29 @@ enum Writer {
 impl RecordFile {
     /// Reads the record in this data folder, and opens the file for new ones. If the file cannot be
     /// read, this is logged and the record is empty.
-    pub fn open(data: &Path) -> (Record, Option<RecordFile>) {
+    pub fn open(data: &Path) -> OpenedRecord {
         let Some((record, disk)) = Disk::open(data) else {
-            return (Record::default(), None);
+            return OpenedRecord::default();
         };
         let (records, received) = sync_channel(WAITING);
         let writing = std::thread::Builder::new().name("record".into());
         let started = writing.spawn(move || write_all(&disk, &received));
         let file = started.map(|_| RecordFile(Writer::Thread(records)));
-        (record, file.ok())
+        OpenedRecord {
+            record,
+            file: file.ok(),
+        }
     }
 
     /// Same as [`RecordFile::open`] for a simulation, whose time stands still while the disk works:
     /// records are written at once, on the caller's thread.
-    pub fn open_in_simulation(data: &Path) -> (Record, Option<RecordFile>) {
+    pub fn open_in_simulation(data: &Path) -> OpenedRecord {
         match Disk::open(data) {
-            Some((record, disk)) => (record, Some(RecordFile(Writer::Here(disk)))),
-            None => (Record::default(), None),
+            Some((record, disk)) => OpenedRecord {
+                record,
+                file: Some(RecordFile(Writer::Here(disk))),
+            },
+            None => OpenedRecord::default(),
         }
     }
 
@@ -162,8 +177,8 @@ mod tests {
     #[test]
     fn a_record_survives_a_restart_and_an_invalid_file_is_ignored() {
         let home = tempfile::tempdir().unwrap();
-        let (none, file) = RecordFile::open(home.path());
-        assert_eq!(none, Record::default());
+        let opened = RecordFile::open(home.path());
+        assert_eq!(opened.record, Record::default());
         let record = Record {
             looked: Some(7),
             under_way: vec![UnderWay {
@@ -173,32 +188,32 @@ mod tests {
                 waits: false,
             }],
         };
-        assert!(file.unwrap().save(record.clone()));
+        assert!(opened.file.unwrap().save(record.clone()));
         let path = home.path().join(NAME);
         while !path.exists() {
             std::thread::yield_now();
         }
-        assert_eq!(RecordFile::open(home.path()).0, record);
+        assert_eq!(RecordFile::open(home.path()).record, record);
         std::fs::write(&path, "{").unwrap();
-        assert_eq!(RecordFile::open(home.path()).0, Record::default());
+        assert_eq!(RecordFile::open(home.path()).record, Record::default());
     }
 
     #[test]
     fn in_a_laboratory_records_are_written_at_once() {
         let home = tempfile::tempdir().unwrap();
-        let (_, file) = RecordFile::open_in_simulation(home.path());
+        let file = RecordFile::open_in_simulation(home.path()).file;
         let record = Record {
             looked: Some(8),
             under_way: Vec::new(),
         };
         assert!(file.unwrap().save(record.clone()));
-        assert_eq!(RecordFile::open_in_simulation(home.path()).0, record);
+        assert_eq!(RecordFile::open_in_simulation(home.path()).record, record);
     }
 
     #[test]
     fn a_failed_write_can_be_repeated() {
         let home = tempfile::tempdir().unwrap();
-        let (_, file) = RecordFile::open_in_simulation(home.path());
+        let file = RecordFile::open_in_simulation(home.path()).file;
         // A folder in the file's place takes no record.
         std::fs::create_dir(home.path().join(NAME)).unwrap();
         let file = file.unwrap();

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use image::RgbImage;
 
-use self::canvas::{Ink, MapCanvas, TextStyle};
+use self::canvas::{Ink, MapCanvas, Pixel, TextStyle};
 use crate::sim::camera::floor::drawing_path;
 use crate::sim::geometry::{Point, Pose, RADIUS, Segment};
 use crate::sim::world::World;
@@ -57,7 +57,7 @@ pub(crate) fn blank_canvas(world: &World, beside: u32) -> Option<MapCanvas> {
     let pixels = |side: f64| (side * scale) as f32;
     let right = MARGIN * 2.0 + pixels(width);
     let down = HEAD + FOOT + pixels(depth);
-    let origin = (MARGIN, HEAD + pixels(depth));
+    let origin = Pixel::from_xy(MARGIN, HEAD + pixels(depth));
     MapCanvas::new(right as u32 + beside, down as u32, scale as f32, origin)
 }
 
@@ -219,32 +219,36 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
     let room = &world.room;
     let title = TextStyle::title(DARK);
     let name = name_or(&world.name, "a world");
-    canvas.write((MARGIN, 14.0), name, title);
+    canvas.write(Pixel::from_xy(MARGIN, 14.0), name, title);
     let after = MARGIN + title.size(name).0 + 20.0;
     let size = format!("{} m x {} m", room.width, room.depth);
-    canvas.write((after, 17.0), &size, TextStyle::small(PALE));
+    let at = Pixel::from_xy(after, 17.0);
+    canvas.write(at, &size, TextStyle::small(PALE));
     let is_large = room.width.max(room.depth) > 15.0;
     let every = if is_large { 5 } else { 1 };
     for metre in (0..=room.width as u32).step_by(every) {
-        let (x, y) = canvas.at(Point::new(f64::from(metre), 0.0));
+        let Pixel { x, y } = canvas.at(Point::new(f64::from(metre), 0.0));
         let text = metre.to_string();
         let width = TextStyle::small(PALE).size(&text).0;
-        canvas.write((x - width / 2.0, y + 8.0), &text, TextStyle::small(PALE));
-    }
-    for metre in (0..=room.depth as u32).step_by(every) {
-        let (x, y) = canvas.at(Point::new(0.0, f64::from(metre)));
-        let text = metre.to_string();
-        let (width, height) = TextStyle::small(PALE).size(&text);
-        let at = (x - width - 10.0, y - height / 2.0);
+        let at = Pixel::from_xy(x - width / 2.0, y + 8.0);
         canvas.write(at, &text, TextStyle::small(PALE));
     }
-    let (x, y) = canvas.at(Point::new(0.0, 0.0));
-    let y = y + 54.0;
-    let end = x + canvas.scale;
-    canvas.rule((x, y), (end, y), 3.0, DARK);
-    canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
-    canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
-    canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
+    for metre in (0..=room.depth as u32).step_by(every) {
+        let Pixel { x, y } = canvas.at(Point::new(0.0, f64::from(metre)));
+        let text = metre.to_string();
+        let (width, height) = TextStyle::small(PALE).size(&text);
+        let at = Pixel::from_xy(x - width - 10.0, y - height / 2.0);
+        canvas.write(at, &text, TextStyle::small(PALE));
+    }
+    let corner = canvas.at(Point::new(0.0, 0.0));
+    let y = corner.y + 54.0;
+    let start = corner.x;
+    let end = start + canvas.scale;
+    let at = Pixel::from_xy;
+    canvas.rule(at(start, y), at(end, y), 3.0, DARK);
+    canvas.rule(at(start, y - 6.0), at(start, y + 6.0), 3.0, DARK);
+    canvas.rule(at(end, y - 6.0), at(end, y + 6.0), 3.0, DARK);
+    canvas.write(at(end + 10.0, y - 8.0), "1 m", NAME);
     draw_beacon_key(canvas, end + 60.0, y);
 }
 
@@ -257,8 +261,15 @@ fn draw_beacon_key(canvas: &mut MapCanvas, x: f32, y: f32) {
         (x, y + 7.0),
     ];
     // More opaque than on the map, where the floor's colour is below it.
-    canvas.fill_pixels(&corners, [BEACON[0], BEACON[1], BEACON[2], 60]);
-    canvas.write((x + 30.0, y - 8.0), "the station's beacon", NAME);
+    canvas.fill_pixels(
+        &corners.map(Pixel::from),
+        [BEACON[0], BEACON[1], BEACON[2], 60],
+    );
+    canvas.write(
+        Pixel::from_xy(x + 30.0, y - 8.0),
+        "the station's beacon",
+        NAME,
+    );
 }
 
 fn names(world: &World, canvas: &mut MapCanvas) {

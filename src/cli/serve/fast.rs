@@ -8,10 +8,9 @@ use crate::cli::robot_target::ChosenRobot;
 use crate::cli::{Console, Exit, Failure, startup};
 use crate::clock::{Span, Zone};
 use crate::config::Config;
-use crate::service::Service;
+use crate::service::{OpenedRecord, Service};
 use crate::sim;
 use crate::simulation::{self, Simulation};
-use crate::timetable::Record;
 use crate::wire::Login;
 
 /// Serves until the time limit or the first signal.
@@ -51,7 +50,7 @@ pub(super) fn serve(
         let mut plan = simulation.plan(Vec::new());
         plan.limit = limit;
         let journal = journal_options.map(|options| options.start(&plan.bus));
-        let no_record = (Record::default(), None);
+        let no_record = OpenedRecord::default();
         let seed = simulation.seed();
         let service = Service::in_simulation(plan, loaded.service_plan, no_record, seed);
         let outcome = service.run(stop).await;

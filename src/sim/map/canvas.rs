@@ -2,6 +2,7 @@
 
 use image::RgbImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+pub(crate) use tiny_skia::Point as Pixel;
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash,
     Transform,
@@ -72,18 +73,13 @@ pub(crate) struct MapCanvas {
     /// Pixels per metre.
     pub(crate) scale: f32,
     /// The pixel of the world's (0, 0).
-    origin: (f32, f32),
+    origin: Pixel,
     taken: Vec<Frame>,
 }
 
 impl MapCanvas {
     /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
-    pub(crate) fn new(
-        width: u32,
-        height: u32,
-        scale: f32,
-        origin: (f32, f32),
-    ) -> Option<MapCanvas> {
+    pub(crate) fn new(width: u32, height: u32, scale: f32, origin: Pixel) -> Option<MapCanvas> {
         let mut pixels = Pixmap::new(width, height)?;
         pixels.fill(Color::WHITE);
         Some(MapCanvas {
@@ -95,21 +91,21 @@ impl MapCanvas {
     }
 
     /// Converts a place in the world to a pixel.
-    pub(crate) fn at(&self, place: Point) -> (f32, f32) {
+    pub(crate) fn at(&self, place: Point) -> Pixel {
         let x = place.x as f32;
         let y = place.y as f32;
-        (
-            self.origin.0 + x * self.scale,
-            self.origin.1 - y * self.scale,
-        )
+        Pixel {
+            x: self.origin.x + x * self.scale,
+            y: self.origin.y - y * self.scale,
+        }
     }
 
     pub(crate) fn fill(&mut self, corners: &[Point], ink: Ink) {
-        let corners: Vec<(f32, f32)> = corners.iter().map(|corner| self.at(*corner)).collect();
+        let corners: Vec<Pixel> = corners.iter().map(|corner| self.at(*corner)).collect();
         self.fill_pixels(&corners, ink);
     }
 
-    pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
+    pub(crate) fn fill_pixels(&mut self, corners: &[Pixel], ink: Ink) {
         if let Some(path) = through(corners, true) {
             self.fill_path(&path, ink);
         }
@@ -117,7 +113,7 @@ impl MapCanvas {
 
     /// Draws a line through places; the width and the optional dash length are in pixels.
     pub(crate) fn line(&mut self, places: &[Point], width: f32, dash: Option<f32>, ink: Ink) {
-        let places: Vec<(f32, f32)> = places.iter().map(|place| self.at(*place)).collect();
+        let places: Vec<Pixel> = places.iter().map(|place| self.at(*place)).collect();
         if let Some(path) = through(&places, false) {
             self.stroke(&path, width, dash, ink, Transform::identity());
         }
@@ -125,14 +121,14 @@ impl MapCanvas {
 
     /// Draws a path; path and width are in metres.
     pub(crate) fn tape(&mut self, path: &Path, width: f32, ink: Ink) {
-        let (x, y) = self.origin;
+        let Pixel { x, y } = self.origin;
         let transform = Transform::from_row(self.scale, 0.0, 0.0, -self.scale, x, y);
         self.stroke(path, width, None, ink, transform);
     }
 
     /// Draws a filled circle with a radius in pixels.
     pub(crate) fn dot(&mut self, place: Point, radius: f32, ink: Ink) {
-        let (x, y) = self.at(place);
+        let Pixel { x, y } = self.at(place);
         if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
             self.fill_path(&path, ink);
         }
@@ -140,21 +136,22 @@ impl MapCanvas {
 
     /// Draws a circle outline with a radius in pixels.
     pub(crate) fn ring(&mut self, place: Point, radius: f32, width: f32, ink: Ink) {
-        let (x, y) = self.at(place);
+        let Pixel { x, y } = self.at(place);
         if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
             self.stroke(&path, width, None, ink, Transform::identity());
         }
     }
 
     /// Draws a line given in pixels.
-    pub(crate) fn rule(&mut self, from: (f32, f32), to: (f32, f32), width: f32, ink: Ink) {
+    pub(crate) fn rule(&mut self, from: Pixel, to: Pixel, width: f32, ink: Ink) {
         if let Some(path) = through(&[from, to], false) {
             self.stroke(&path, width, None, ink, Transform::identity());
         }
     }
 
     /// Writes a text with its top left corner at a pixel.
-    pub(crate) fn write(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
+    pub(crate) fn write(&mut self, at: Pixel, text: &str, style: TextStyle) {
+        let Pixel { x, y } = at;
         let (width, height) = style.size(text);
         self.taken.push([x, y, x + width, y + height]);
         let mut left = x.round() as i32;
@@ -177,10 +174,11 @@ impl MapCanvas {
     /// Writes a label beside a place, on a side without other text, or below the place if there is
     /// no such side.
     pub(crate) fn label(&mut self, place: Point, away: f32, text: &str, style: TextStyle) {
-        let (x, y) = self.at(place);
+        let Pixel { x, y } = self.at(place);
         let (width, _) = style.size(text);
         let at = self.free_side(place, away, text, style);
-        self.write_with_background(at.unwrap_or((x - width / 2.0, y + away)), text, style);
+        let below = Pixel::from_xy(x - width / 2.0, y + away);
+        self.write_with_background(at.unwrap_or(below), text, style);
     }
 
     /// Writes a label beside a place, or omits it if there is no room.
@@ -191,14 +189,8 @@ impl MapCanvas {
     }
 
     /// Returns the top left corner of a free spot for a label beside a place.
-    fn free_side(
-        &self,
-        place: Point,
-        away: f32,
-        text: &str,
-        style: TextStyle,
-    ) -> Option<(f32, f32)> {
-        let (x, y) = self.at(place);
+    fn free_side(&self, place: Point, away: f32, text: &str, style: TextStyle) -> Option<Pixel> {
+        let Pixel { x, y } = self.at(place);
         let (width, height) = style.size(text);
         let edge_x = self.pixels.width() as f32;
         let edge_y = self.pixels.height() as f32;
@@ -216,17 +208,19 @@ impl MapCanvas {
             (x - width / 2.0, y + away + height),
             (x - width / 2.0, y - away - 2.0 * height),
         ];
-        sides.into_iter().find(|(x, y)| {
-            let own = [*x, *y, x + width, y + height];
-            let inside = *x >= 0.0 && *y >= 0.0 && own[2] < edge_x && own[3] < edge_y;
+        sides.map(Pixel::from).into_iter().find(|side| {
+            let Pixel { x, y } = *side;
+            let own = [x, y, x + width, y + height];
+            let inside = x >= 0.0 && y >= 0.0 && own[2] < edge_x && own[3] < edge_y;
             inside && !self.taken.iter().any(|other| overlap(&own, other))
         })
     }
 
-    fn write_with_background(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
+    fn write_with_background(&mut self, at: Pixel, text: &str, style: TextStyle) {
         if text.is_empty() {
             return;
         }
+        let Pixel { x, y } = at;
         let (width, height) = style.size(text);
         let corners = [
             (x - 2.0, y),
@@ -234,8 +228,8 @@ impl MapCanvas {
             (x + width + 2.0, y + height),
             (x - 2.0, y + height),
         ];
-        self.fill_pixels(&corners, [255, 255, 255, 190]);
-        self.write((x, y), text, style);
+        self.fill_pixels(&corners.map(Pixel::from), [255, 255, 255, 190]);
+        self.write(at, text, style);
     }
 
     pub(crate) fn finish(self) -> RgbImage {
@@ -302,13 +296,13 @@ fn paint(ink: Ink) -> Paint<'static> {
     paint
 }
 
-fn through(corners: &[(f32, f32)], closed: bool) -> Option<Path> {
+fn through(corners: &[Pixel], closed: bool) -> Option<Path> {
     let mut path = PathBuilder::new();
-    for (index, (x, y)) in corners.iter().enumerate() {
+    for (index, Pixel { x, y }) in corners.iter().copied().enumerate() {
         if index == 0 {
-            path.move_to(*x, *y);
+            path.move_to(x, y);
         } else {
-            path.line_to(*x, *y);
+            path.line_to(x, y);
         }
     }
     if closed {
@@ -327,7 +321,7 @@ mod tests {
 
     #[test]
     fn labels_without_room_are_omitted_and_do_not_overlap() {
-        let mut canvas = MapCanvas::new(300, 300, 100.0, (20.0, 280.0)).unwrap();
+        let mut canvas = MapCanvas::new(300, 300, 100.0, Pixel::from_xy(20.0, 280.0)).unwrap();
         let style = TextStyle::small([0, 0, 0, 255]);
         for step in 0..20 {
             let place = Point::new(1.0 + 0.01 * f64::from(step), 1.0);

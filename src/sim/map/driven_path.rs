@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 
-use super::canvas::{Ink, MapCanvas, TextStyle};
+use super::canvas::{Ink, MapCanvas, Pixel, TextStyle};
 use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::map;
@@ -200,18 +200,19 @@ fn mark_place(mark: Mark, pose: Pose) -> Point {
     }
 }
 
-fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
-    let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<(f32, f32)> {
+fn symbol(canvas: &mut MapCanvas, mark: Mark, at: Pixel, ink: Ink) {
+    let Pixel { x, y } = at;
+    let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<Pixel> {
         corners
             .iter()
-            .map(|(dx, dy)| (x + dx * size, y + dy * size))
+            .map(|(dx, dy)| Pixel::from_xy(x + dx * size, y + dy * size))
             .collect()
     };
     let (shape, size): (&[(f32, f32)], f32) = match mark {
         Mark::Collision | Mark::NotFound => {
             for sign in [-1.0, 1.0] {
-                let from = (x - 6.0, y - 6.0 * sign);
-                let to = (x + 6.0, y + 6.0 * sign);
+                let from = Pixel::from_xy(x - 6.0, y - 6.0 * sign);
+                let to = Pixel::from_xy(x + 6.0, y + 6.0 * sign);
                 canvas.rule(from, to, 6.0, [255, 255, 255, 220]);
                 canvas.rule(from, to, 3.0, ink);
             }
@@ -230,18 +231,18 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
 }
 
 fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
-    let left = canvas.at(Point::new(world.room.width, 0.0)).0 + 28.0;
+    let left = canvas.at(Point::new(world.room.width, 0.0)).x + 28.0;
     let mut y = 14.0;
     let text = format!("run of {}", clock(trace.duration().as_secs_f64()));
-    canvas.write((left, y), &text, TextStyle::title(END));
+    canvas.write(Pixel::from_xy(left, y), &text, TextStyle::title(END));
     y += 28.0;
     let text = format!("{:.1} m driven", trace.distance());
-    canvas.write((left, y), &text, TextStyle::small(PALE));
+    canvas.write(Pixel::from_xy(left, y), &text, TextStyle::small(PALE));
     y += 32.0;
     for (ink, text) in [(START, "start"), (END, "end")] {
         let arrow = [(left, y + 3.0), (left + 12.0, y + 8.0), (left, y + 13.0)];
-        canvas.fill_pixels(&arrow, ink);
-        canvas.write((left + 26.0, y), text, map::NAME);
+        canvas.fill_pixels(&arrow.map(Pixel::from), ink);
+        canvas.write(Pixel::from_xy(left + 26.0, y), text, map::NAME);
         y += 24.0;
     }
     for (mark, name, ink) in MARKS {
@@ -252,19 +253,23 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
         if events.is_empty() {
             continue;
         }
-        symbol(canvas, mark, (left + 6.0, y + 8.0), ink);
+        symbol(canvas, mark, Pixel::from_xy(left + 6.0, y + 8.0), ink);
         let text = format!("{name}: {}", events.len());
-        canvas.write((left + 26.0, y), &text, map::NAME);
+        canvas.write(Pixel::from_xy(left + 26.0, y), &text, map::NAME);
         y += 20.0;
         for line in details(&events) {
-            canvas.write((left + 26.0, y), &line, TextStyle::small(PALE));
+            canvas.write(
+                Pixel::from_xy(left + 26.0, y),
+                &line,
+                TextStyle::small(PALE),
+            );
             y += 18.0;
         }
         y += 6.0;
     }
     if trace.missed() > 0 {
         let text = format!("and {} more", trace.missed());
-        canvas.write((left, y), &text, TextStyle::small(PALE));
+        canvas.write(Pixel::from_xy(left, y), &text, TextStyle::small(PALE));
     }
 }
 
