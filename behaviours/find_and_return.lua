@@ -276,20 +276,6 @@ local function go_back()
 	robot.stop()
 end
 
--- Drives, and records the drive in @spykee/whereabouts, from robot.pose(): a turn, a distance, a
--- turn.
-local function accounted(drive, ...)
-	local before = robot.pose()
-	drive(...)
-	local after = robot.pose()
-	local x, y = after.x - before.x, after.y - before.y
-	local way, turned = math.sqrt(x * x + y * y), after.heading - before.heading
-	local along = if way > 0.05 then math.atan2(y, x) - before.heading else 0
-	whereabouts.account(0, along, 1)
-	whereabouts.account(way, 0, 1)
-	whereabouts.account(0, turned - along, 1)
-end
-
 -- Drives on after a search without success: towards the station if a picture of the search showed
 -- it, otherwise to where there is room and no search has been made.
 local function go_on()
@@ -297,9 +283,10 @@ local function go_on()
 	local view = whereabouts.station() or whereabouts.widest()
 	if view then
 		local bearing = view.bearing or 0
-		accounted(robot.turn, whereabouts.wrap(view.heading + bearing - whereabouts.heading()))
+		robot.turn(whereabouts.wrap(view.heading + bearing - whereabouts.heading()))
 	end
-	accounted(floor.drive_on, LEG, settings.speed)
+	floor.drive_on(LEG, settings.speed)
+	whereabouts.follow()
 end
 
 -- Comes home. The station's beacon has a limited range: where it is not received, the robot drives

@@ -1,8 +1,8 @@
 //! The way home of a robot with a low battery, from the first search until the battery is good
 //! again. A failed search is followed by
 //!
-//! - a grant: a behaviour that can see drives the robot elsewhere for as long as the search took
-//!   ([`DriveGrant`]);
+//! - a grant: a behaviour that can see drives the robot elsewhere for twice as long as the
+//!   search took ([`DriveGrant`]);
 //! - or a short blind [`BlindMove`] of the watchdog's own, where nothing can be granted or the
 //!   grant was not used;
 //! - or, where neither is allowed, a wait.
@@ -95,7 +95,7 @@ impl Homing {
     pub const MOMENT: Duration = Duration::from_secs(1);
 
     /// The longest grant, also after a search that took all of its time.
-    pub const LONGEST_GRANT: Duration = Duration::from_secs(30);
+    pub const LONGEST_GRANT: Duration = Duration::from_secs(40);
 
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
@@ -168,12 +168,12 @@ impl Homing {
         }
     }
 
-    /// As long as the failed search took: many short grants between long searches spend the battery
-    /// on searches from places close to each other.
+    /// Twice as long as the failed search took: many short grants between long searches spend the
+    /// battery on searches from places close to each other.
     fn grant_time(&self, now: Instant) -> Duration {
         let began = self.searched.unwrap_or(now);
         let took = now.saturating_duration_since(began);
-        took.min(Homing::LONGEST_GRANT).max(self.grant_time)
+        (2 * took).clamp(self.grant_time, Homing::LONGEST_GRANT.max(self.grant_time))
     }
 
     /// Ends a grant or a blind move; the search from here comes next.
@@ -381,8 +381,8 @@ mod tests {
     }
 
     #[test]
-    fn a_grant_is_as_long_as_the_search_before_it_within_bounds() {
-        for (search, grant) in [(3, 8), (20, 20), (60, 30)] {
+    fn a_grant_is_twice_as_long_as_the_search_before_it_within_bounds() {
+        for (search, grant) in [(3, 8), (12, 24), (60, 40)] {
             let now = Instant::now();
             let mut homing = Homing::new(&Limits::default(), now);
             assert_eq!(homing.poll(true, now), Some(HomingStep::Search));

@@ -10,6 +10,7 @@ pub fn modules() -> &'static [(&'static str, &'static str)] {
         ("@spykee/easy", include_str!("easy.luau")),
         ("@spykee/floor", include_str!("floor.luau")),
         ("@spykee/fsm", include_str!("fsm.luau")),
+        ("@spykee/map", include_str!("map.luau")),
         ("@spykee/pid", include_str!("pid.luau")),
         ("@spykee/station", include_str!("station.luau")),
         ("@spykee/whereabouts", include_str!("whereabouts.luau")),

@@ -295,3 +295,104 @@ fn nested_halts_are_awaited() {
     assert_eq!(halted, ["halt a", "halt b", "halt c"]);
     assert_eq!(rig.texts()[3..], ["false", "after"]);
 }
+
+/// A room of 4 x 3 m with a doorway in its right wall, from y = 1 to 2, into a second room of the same
+/// size; `scan(x, y, heading)` returns what the robot would see from there.
+const TWO_ROOMS: &str = "
+    local map = require('@spykee/map')
+    local walls = {
+        { 0, 0, 0, 3 }, { 0, 0, 8, 0 }, { 0, 3, 8, 3 }, { 8, 0, 8, 3 }, { 4, 0, 4, 1 }, { 4, 2, 4, 3 },
+    }
+    local function distance(x, y, angle)
+        local dx, dy, least = math.cos(angle), math.sin(angle), 9
+        for _, w in walls do
+            local away = if w[1] == w[3] then (w[1] - x) / dx else (w[2] - y) / dy
+            local along = if w[1] == w[3] then y + away * dy else x + away * dx
+            local from, to = if w[1] == w[3] then w[2] else w[1], if w[1] == w[3] then w[4] else w[3]
+            if away > 0 and along >= from and along <= to then
+                least = math.min(least, away)
+            end
+        end
+        return least
+    end
+    local function scan(x, y, heading)
+        local rays = {}
+        for number = 0, 119 do
+            local angle = number * math.pi / 60
+            table.insert(rays, { angle = angle, distance = distance(x, y, heading + angle), known = true, nearest = 0.5 })
+        end
+        return rays
+    end
+    local function enter(x, y, heading)
+        local pose = { x = x, y = y, heading = heading }
+        map.enter(pose, scan(x, y, heading), 1)
+        map.stand(pose)
+        return pose
+    end
+    local function nothing() return 0 end
+";
+
+#[test]
+fn the_way_on_the_map_leads_through_the_doorway_and_ends_where_all_is_known() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             local way = map.way(enter(2, 1.5, 1), nothing)
+             print(math.abs(way.heading) < 0.3, way.distance > 1.5)
+             map.give_up(way.target)
+             print(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing) == nil)
+             map.doubt()
+             print(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing) ~= nil)
+             enter(3.8, 1.5, 0)
+             print(map.way(enter(6, 1.5, 2), nothing) == nil)
+             map.forget()
+             print(map.way({{ x = 6, y = 1.5, heading = 2 }}, nothing) == nil)"
+        ),
+    );
+    assert_eq!(rig.texts(), ["true true", "true", "true", "true", "true"]);
+}
+
+#[test]
+fn a_scan_corrects_the_pose_and_an_obstacle_blocks_the_way() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             enter(1, 1, 0)
+             local rays = scan(1.2, 0.9, math.rad(9))
+             local pose = map.match({{ x = 1, y = 1, heading = 0 }}, rays)
+             print(math.abs(pose.x - 1.2) < 0.11, math.abs(pose.y - 0.9) < 0.11, math.abs(pose.heading - math.rad(9)) < 0.06)
+             local ahead = {{ x = 1, y = 1, heading = 0 }}
+             print(map.obstacle_ahead(ahead))
+             map.block(ahead)
+             print(map.obstacle_ahead(ahead) < 0.3)"
+        ),
+    );
+    assert_eq!(rig.texts(), ["true true true", "nil", "true"]);
+}
+
+#[test]
+fn the_compass_finds_the_period_of_an_even_turn_from_what_looks_the_same() {
+    let rig = lasting(
+        1.0,
+        "local compass = require('@spykee/compass')
+         local function views(period, measured)
+             local list = {}
+             for number = 0, 200 do
+                 local at = number * 0.1
+                 local angle, profile = 2 * math.pi * at / period, {}
+                 for place = -18, 18 do
+                     local there = angle + place * math.rad(1.5)
+                     table.insert(profile, 0.5 + 0.2 * math.sin(3 * there) + 0.2 * math.sin(7 * there + 1))
+                 end
+                 table.insert(list, { at = at, turned = measured * angle, profile = profile })
+             end
+             return list
+         end
+         print(math.abs(compass.period(views(7.85, 1.09)) - 7.85) < 0.05)
+         print(math.abs(compass.period(views(7.85, -1.02)) - 7.85) < 0.05)
+         print(compass.period({}))",
+    );
+    assert_eq!(rig.texts(), ["true", "true", "nil"]);
+}

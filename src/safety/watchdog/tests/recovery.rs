@@ -239,8 +239,8 @@ fn a_search_that_the_release_ends_is_not_a_failed_one() {
 
 const RESCUER: BehaviourId = BehaviourId(9);
 const CAPPED: Command = Command::Move {
-    left: 27,
-    right: 13,
+    left: 40,
+    right: 20,
 };
 
 /// A search has failed, and a rescue behaviour is running.
@@ -274,11 +274,11 @@ fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
 }
 
 #[test]
-fn a_grant_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
+fn a_grant_is_announced_and_lasts_eight_seconds_at_less_than_half_power() {
     let (mut rig, acts) = granted(Limits::default());
     let grant = Event::DriveGrant {
         seconds: 8 * SECOND,
-        power: Percent::saturating(30),
+        power: Percent::saturating(45),
     };
     assert!(acts.contains(&Act::Tell(RESCUER, grant)));
     assert_eq!(sent(&acts), [Command::STOP]);
