@@ -262,10 +262,13 @@ impl Robot {
             obstacles: &self.environment.obstacles,
             beacon: self.contacts.beacon,
         };
+        let world = &self.environment.world;
+        let commanded = self.commanded.speeds(world.tracks.dead_zone);
+        let response = world.track_response(self.battery.percent(), self.chassis.pose.point());
         let wanted = match self.docking.step(dt, &inputs) {
-            DockingStep::Free => self.commanded.speeds(),
+            DockingStep::Free => commanded,
             DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
-            DockingStep::Drive(_) => self.commanded.speeds(),
+            DockingStep::Drive(_) => commanded,
             DockingStep::Left => Tracks::default(),
             DockingStep::NotFound => {
                 self.report_engine(EngineReport::BaseNotFound);
@@ -275,7 +278,7 @@ impl Robot {
         self.chassis.set_target(if self.battery.empty() {
             Tracks::default()
         } else {
-            self.track_slip.step(wanted, dt)
+            self.track_slip.step(wanted.scaled(response), dt)
         });
         self.step_motion(dt);
     }

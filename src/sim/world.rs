@@ -101,7 +101,7 @@ pub struct World {
     /// The camera's properties.
     #[serde(default)]
     pub camera: CameraSettings,
-    /// How much the tracks differ and slip.
+    /// How the tracks follow their commands, differ and slip.
     #[serde(default)]
     pub tracks: TrackSettings,
 }
@@ -111,6 +111,12 @@ impl World {
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
+    }
+
+    /// Returns which share of its speed the robot reaches at a battery level, percent, and a place.
+    pub(crate) fn track_response(&self, percent: f64, place: Point) -> f64 {
+        let on_rug = self.rugs.iter().any(|rug| rug.covers(place));
+        self.tracks.response.share(percent, on_rug)
     }
 
     pub(crate) fn solid(&self, place: Point) -> bool {
@@ -217,6 +223,7 @@ fn full() -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::world::settings::TrackResponse;
     use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
 
     #[test]
@@ -241,6 +248,32 @@ mod tests {
         let yaml = yaml.split("```").next().unwrap();
         let world = World::from_yaml(yaml, "README.md").unwrap();
         assert!(!world.lamps.is_empty() && !world.walkers.is_empty() && !world.sounds.is_empty());
+        let used: Vec<&str> = yaml
+            .split(|c: char| !c.is_alphanumeric() && c != '_')
+            .collect();
+        for key in [
+            keys::<World>(),
+            keys::<Room>(),
+            keys::<Station>(),
+            keys::<BatterySettings>(),
+            keys::<CameraSettings>(),
+            keys::<TrackSettings>(),
+            keys::<TrackResponse>(),
+            keys::<Rug>(),
+        ]
+        .concat()
+        {
+            assert!(used.contains(&key.as_str()), "{key} is not explained");
+        }
+    }
+
+    /// Returns the keys that the parser of a type knows: those that its error suggests.
+    fn keys<T: serde::de::DeserializeOwned + std::fmt::Debug>() -> Vec<String> {
+        let error = serde_yaml::from_str::<T>("{no_such_key: 1}").unwrap_err();
+        let error = error.to_string();
+        let known: Vec<String> = error.split('`').map(str::to_owned).collect();
+        assert_eq!(known[1], "no_such_key", "{error}");
+        known.into_iter().skip(3).step_by(2).collect()
     }
 
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
@@ -389,6 +422,15 @@ mod tests {
             ),
             ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
             ("tracks: {slip: 2}\n", "w.yaml:3:16: "),
+            (
+                "tracks:\n  dead_zone: 95\n",
+                "w.yaml:4:14: invalid value: floating point `95.0`, expected a number from 0 to 90",
+            ),
+            ("tracks: {response: {rugs: 1}}\n", "did you mean `rug`?"),
+            (
+                "tracks: {response: {empty: 0}}\n",
+                "expected a number from 0.1 to 1",
+            ),
             ("balls: [3]\n", "expected keys with values"),
         ] {
             let text = fault(more);

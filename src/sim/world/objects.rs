@@ -161,6 +161,12 @@ impl Wall {
     }
 }
 
+impl Rug {
+    pub(crate) fn covers(&self, place: Point) -> bool {
+        in_rectangle(place, self.at.point(), self.width, self.depth, 0.0)
+    }
+}
+
 impl Furniture {
     pub(crate) fn covers(&self, place: Point) -> bool {
         let middle = self.at.point();

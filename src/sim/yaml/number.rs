@@ -89,6 +89,10 @@ ranges! {
     moment = 0.0..=2.0, "seconds";
     /// Share by which tracks differ or slip.
     slip = 0.0..=0.5, "1 is all";
+    /// Least power that moves a track.
+    dead_zone = 0.0..=90.0, "percent of full power";
+    /// Share of its speed that a robot reaches.
+    response = 0.1..=1.0, "1 is all";
     /// A time or duration of a fault, of a schedule or of the firmware.
     span = 0.0..=86_400.0, "seconds";
     hours = 0.01..=100.0, "hours";
