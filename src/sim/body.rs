@@ -79,7 +79,12 @@ impl Robot {
             docking: Docking::new(firmware.search_limit),
             track_slip: TrackSlip::new(world.tracks, seed),
             chassis: Chassis::new(pose),
-            contacts: Contacts::new(touching, firmware.charger_hours),
+            contacts: Contacts::new(
+                world.station.docking,
+                touching,
+                firmware.charger_hours,
+                seed,
+            ),
             battery,
             power: PowerReports::new(firmware.power_late, firmware.power_while_charging, seed),
             leds: Leds::default(),
@@ -260,7 +265,8 @@ impl Robot {
             pose: self.chassis.pose,
             station: &self.environment.world.station,
             obstacles: &self.environment.obstacles,
-            beacon: self.contacts.beacon,
+            beacon: self.contacts.hears_beacon(),
+            missed: self.contacts.missed(),
         };
         let world = &self.environment.world;
         let commanded = self.commanded.speeds(world.tracks.dead_zone);
@@ -301,7 +307,8 @@ impl Robot {
 
     fn update_contacts(&mut self) {
         let station = &self.environment.world.station;
-        self.contacts.update(station, self.chassis.pose);
+        let entering = self.docking.searching();
+        self.contacts.update(station, self.chassis.pose, entering);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();

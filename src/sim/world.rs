@@ -224,6 +224,7 @@ fn full() -> f64 {
 mod tests {
     use super::*;
     use crate::sim::world::settings::TrackResponse;
+    use crate::sim::world::station::DockingSettings;
     use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
 
     #[test]
@@ -255,6 +256,7 @@ mod tests {
             keys::<World>(),
             keys::<Room>(),
             keys::<Station>(),
+            keys::<DockingSettings>(),
             keys::<BatterySettings>(),
             keys::<CameraSettings>(),
             keys::<TrackSettings>(),
@@ -328,6 +330,28 @@ mod tests {
             assert!(text.starts_with(place), "{text}");
             assert!(text.contains("expected a number from"), "{text}");
         }
+    }
+
+    #[test]
+    fn mistakes_in_the_docking_name_their_place() {
+        let error = |docking: &str| {
+            let station =
+                format!("station:\n  at: [0, 2]\n  heading_degrees: 0\n  docking: {docking}\n");
+            let text = format!("{ROOM}{station}");
+            World::from_yaml(&text, "w.yaml").unwrap_err().to_string()
+        };
+        let wrong = error("{ success: 2 }");
+        assert!(
+            wrong.starts_with("w.yaml:5:23: ") && wrong.contains("(1 is always)"),
+            "{wrong}"
+        );
+        let wrong = error("{ range: -1 }");
+        assert!(
+            wrong.starts_with("w.yaml:5:21: ") && wrong.contains("(metres)"),
+            "{wrong}"
+        );
+        let wrong = error("{ sees_obstacle: no }");
+        assert!(wrong.ends_with("did you mean `sees_obstacles`?"), "{wrong}");
     }
 
     #[test]

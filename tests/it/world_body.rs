@@ -3,8 +3,8 @@
 
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Robot, World};
-use spykee::wire::Command;
+use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::wire::{Command, Engage, EngineReport, Report};
 
 const STEP: Duration = Duration::from_millis(20);
 
@@ -54,7 +54,7 @@ fn below_its_least_power_a_robot_stands() {
 #[test]
 fn a_robot_that_searches_is_not_held_by_its_least_power() {
     let mut robot = robot("start: {at: [2, 1], heading_degrees: 90}\ntracks: {dead_zone: 60}");
-    robot.execute(&Command::Engine(spykee::wire::Engage::Dock));
+    robot.execute(&Command::Engine(Engage::Dock));
     run(&mut robot, 40.0);
     assert!(robot.docked());
 }
@@ -75,4 +75,132 @@ fn a_robot_is_slower_with_a_low_battery_and_on_rugs() {
     assert!((share(driven(100, rug)) - 0.5 / 0.9).abs() < 0.05);
     let perfect = self::driven("start: {at: [2, 1]}", 90, 90);
     assert!((full / perfect - 0.9).abs() < 0.03);
+}
+
+/// A room of 6 x 4 m whose station, at the left wall, has these settings.
+fn docking_world(station: &str, more: &str) -> World {
+    let text = format!(
+        "room: {{width: 6, depth: 4}}\nstation: {{at: [0, 2], heading_degrees: 0, {station}}}\n{more}\n"
+    );
+    World::from_yaml(&text, "test").unwrap()
+}
+
+struct Docked {
+    /// Whether it is on its station when the search ends; if not, it has said NOT FOUND.
+    charges: bool,
+    seconds: f64,
+    collisions: u64,
+}
+
+/// Sends a robot home and waits until its search ends.
+fn dock_from(world: &World, from: Pose, seed: u64) -> Docked {
+    let mut robot = Robot::new(world.clone(), Firmware::default(), seed);
+    robot.begin_session();
+    robot.place(from);
+    robot.execute(&Command::Engine(Engage::Dock));
+    let mut reports = Vec::new();
+    while robot.state().searching {
+        robot.step(STEP);
+        reports.extend(robot.take_reports());
+    }
+    let state = robot.state();
+    let says = |report| reports.contains(&Report::Engine(report));
+    assert_eq!(says(EngineReport::BaseNotFound), !state.docked);
+    assert_eq!(says(EngineReport::Docked), state.docked);
+    assert_eq!(state.charging, state.docked);
+    Docked {
+        charges: state.docked,
+        seconds: state.time.as_secs_f64(),
+        collisions: state.collisions,
+    }
+}
+
+#[test]
+fn beyond_its_receivers_range_a_robot_does_not_find_its_station() {
+    let near = docking_world("docking: {range: 2}", "start: {at: [4, 2]}");
+    assert!(!dock_from(&near, Pose::new(3.0, 2.0, 0.0), 1).charges);
+    assert!(dock_from(&near, Pose::new(1.9, 2.0, 0.0), 1).charges);
+}
+
+#[test]
+fn an_entry_may_fail_and_then_it_tries_again_until_it_gives_up() {
+    let from = Pose::new(2.0, 1.5, 0.0);
+    let start = "start: {at: [4, 2]}";
+    let never = docking_world("docking: {success: 0}", start);
+    let gave_up = dock_from(&never, from, 1);
+    assert!(!gave_up.charges && (149.0..152.0).contains(&gave_up.seconds));
+    let sometimes = docking_world("docking: {success: 0.4}", start);
+    let usual = dock_from(&docking_world("", start), from, 1).seconds;
+    let tries = (0..40).map(|seed| dock_from(&sometimes, from, seed));
+    let seconds: Vec<f64> = tries
+        .filter(|end| end.charges)
+        .map(|end| end.seconds)
+        .collect();
+    let at_once = seconds.iter().filter(|s| **s < usual + 1.0).count();
+    assert!(
+        (8..=24).contains(&at_once) && seconds.len() >= 36,
+        "{at_once} {seconds:?}"
+    );
+}
+
+#[test]
+fn a_robot_that_sees_no_obstacles_pushes_against_them_and_comes_home_only_from_the_front() {
+    let start = "start: {at: [4, 2]}";
+    let blind = docking_world("docking: {sees_obstacles: false}", start);
+    let ahead = dock_from(&blind, Pose::new(2.5, 2.0, 2.0), 1);
+    assert!(ahead.charges && ahead.seconds < 40.0, "{}", ahead.seconds);
+    // A low stool beside the straight way holds the body, but does not hide the beacon.
+    let stool = "furniture: [{at: [1.5, 2.2], length: 0.2, width: 0.2, height: 0.3, colour: red}]";
+    let world = docking_world(
+        "docking: {sees_obstacles: false}",
+        &format!("{start}\n{stool}"),
+    );
+    let stuck = dock_from(&world, Pose::new(3.0, 2.0, 0.0), 1);
+    assert!(!stuck.charges && stuck.collisions > 0 && stuck.seconds > 149.0);
+    let world = docking_world("", &format!("{start}\n{stool}"));
+    let around = dock_from(&world, Pose::new(3.0, 2.0, 0.0), 1);
+    assert!(around.charges && around.collisions == 0);
+    // From aside it comes to the station at an angle, and needs more tries.
+    let count = |world: &World| {
+        let starts = (0..24).map(|i| {
+            let angle = (f64::from(i % 12) - 5.5) * 0.18;
+            let distance = 1.2 + f64::from(i / 12);
+            Pose::new(
+                0.2 + distance * angle.cos(),
+                2.0 + distance * angle.sin(),
+                f64::from(i),
+            )
+        });
+        let ends = starts.map(|from| dock_from(world, from, 1).charges);
+        ends.filter(|charges| *charges).count()
+    };
+    let sighted = count(&docking_world("", start));
+    let home = count(&blind);
+    assert!(
+        sighted == 24 && (8..=22).contains(&home),
+        "{sighted} {home}"
+    );
+}
+
+#[test]
+fn sunlight_dazzles_the_receivers() {
+    let world = |share: &str| {
+        docking_world(
+            &format!("docking: {{dazzled: {share}}}"),
+            "start: {at: [4, 2]}",
+        )
+    };
+    let from = Pose::new(3.0, 1.5, 0.0);
+    assert!(!dock_from(&world("1"), from, 1).charges);
+    let seconds = |share: &str| {
+        let ends = (0..20).map(|seed| dock_from(&world(share), from, seed));
+        let all = ends.map(|end| end.seconds).sum::<f64>();
+        all / 20.0
+    };
+    assert!(
+        seconds("0.7") > seconds("0") + 2.0,
+        "{} {}",
+        seconds("0.7"),
+        seconds("0")
+    );
 }

@@ -57,6 +57,39 @@ pub struct Station {
     /// Half the beam width of the beacon, to each side of the heading, degrees.
     #[serde(default = "beacon_degrees", deserialize_with = "number::degrees")]
     pub beacon_degrees: f64,
+    /// How well the robot finds the contacts.
+    #[serde(default)]
+    pub docking: DockingSettings,
+}
+
+/// How well the robot finds the contacts; by default from everywhere in the beacon's light.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DockingSettings {
+    /// Distance within which the robot's receivers hear the beacon, metres.
+    #[serde(deserialize_with = "number::reach")]
+    pub range: f64,
+    /// Share of the entries that make contact; after another one the robot backs off and tries
+    /// again, until its time for docking is over.
+    #[serde(deserialize_with = "number::chance")]
+    pub success: f64,
+    /// The robot knows where it is and drives around obstacles. Otherwise it has its receivers
+    /// only, drives straight towards the beacon and pushes against what is in its way.
+    pub sees_obstacles: bool,
+    /// Share of the time in which the receivers hear nothing, as in sunlight.
+    #[serde(deserialize_with = "number::chance")]
+    pub dazzled: f64,
+}
+
+impl Default for DockingSettings {
+    fn default() -> DockingSettings {
+        DockingSettings {
+            range: 50.0,
+            success: 1.0,
+            sees_obstacles: true,
+            dazzled: 0.0,
+        }
+    }
 }
 
 impl Station {
