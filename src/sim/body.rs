@@ -271,7 +271,7 @@ impl Robot {
         let world = &self.environment.world;
         let commanded = self.commanded.speeds(world.tracks.dead_zone);
         let response = world.track_response(self.battery.percent(), self.chassis.pose.point());
-        let wanted = match self.docking.step(dt, &inputs) {
+        let wanted = match self.docking.step(dt, inputs) {
             DockingStep::Free => commanded,
             DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
             DockingStep::Drive(_) => commanded,

@@ -350,6 +350,11 @@ mod tests {
             wrong.starts_with("w.yaml:5:21: ") && wrong.contains("(metres)"),
             "{wrong}"
         );
+        let wrong = error("{}\n  leaves: sideways");
+        assert!(
+            wrong.starts_with("w.yaml:6:11: ") && wrong.contains("`forward`"),
+            "{wrong}"
+        );
         let wrong = error("{ sees_obstacle: no }");
         assert!(wrong.ends_with("did you mean `sees_obstacles`?"), "{wrong}");
     }

@@ -204,3 +204,37 @@ fn sunlight_dazzles_the_receivers() {
         seconds("0")
     );
 }
+
+#[test]
+fn a_robot_that_leaves_forward_docks_with_its_back() {
+    for docking in ["", "docking: {sees_obstacles: false}, "] {
+        let world = docking_world(&format!("{docking}leaves: forward"), "");
+        let mut robot = Robot::new(world.clone(), Firmware::default(), 1);
+        robot.begin_session();
+        assert!(robot.docked());
+        assert!(robot.state().pose.heading.abs() < 1e-9);
+        robot.execute(&Command::Engine(Engage::Undock));
+        robot.step(STEP);
+        while robot.state().leaving {
+            robot.step(STEP);
+            let speeds = robot.state().speeds;
+            assert!(speeds.left >= 0.0 && speeds.left == speeds.right);
+        }
+        run(&mut robot, 1.0);
+        let state = robot.state();
+        assert!(!state.docked && state.pose.x > 0.6 && state.pose.heading.abs() < 1e-9);
+        let from = Pose::new(3.0, 2.05, 2.0);
+        assert!(dock_from(&world, from, 1).charges, "{docking}");
+        robot.place(from);
+        robot.execute(&Command::Engine(Engage::Dock));
+        while robot.state().searching {
+            robot.step(STEP);
+        }
+        let end = robot.state();
+        assert!(
+            end.docked && end.pose.heading.abs() < 0.25,
+            "{:?}",
+            end.pose
+        );
+    }
+}

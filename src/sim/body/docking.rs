@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng};
 
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
-use crate::sim::world::station::{DockingSettings, Station};
+use crate::sim::world::station::{DockingSettings, Leaves, Station};
 
 /// The whole manoeuvre, search included, ends without success after this time.
 const DOCKING_LIMIT: Duration = Duration::from_secs(150);
@@ -165,7 +165,19 @@ impl Docking {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    pub(crate) fn step(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+    pub(crate) fn step(&mut self, dt: Duration, mut inputs: DockingInputs<'_>) -> DockingStep {
+        let leaves = inputs.station.leaves;
+        inputs.pose.heading = leaves.turned(inputs.pose.heading);
+        match self.step_facing(dt, &inputs) {
+            DockingStep::Drive(speeds) if leaves == Leaves::Forward => {
+                DockingStep::Drive(Tracks::new(-speeds.right, -speeds.left))
+            }
+            step => step,
+        }
+    }
+
+    /// As if the robot docked with its front, whichever side it docks with.
+    fn step_facing(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, inputs) {
             self.stop();
             return DockingStep::NotFound;
@@ -229,7 +241,7 @@ impl Docking {
     }
 
     fn align(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
-        let off = wrap(inputs.station.dock_pose().heading - inputs.pose.heading);
+        let off = wrap(inputs.station.inwards() - inputs.pose.heading);
         if off.abs() < 0.03 {
             self.phase = DockingPhase::Entering {
                 since: Duration::ZERO,
@@ -241,7 +253,7 @@ impl Docking {
     /// Drives slowly along the station's axis. `Robot` ends the manoeuvre when the contacts touch.
     fn enter(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         let (ahead, aside) = inputs.station.offset(inputs.pose);
-        let heading = inputs.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
+        let heading = inputs.station.inwards() + (3.0 * aside).clamp(-0.4, 0.4);
         let off = wrap(heading - inputs.pose.heading);
         if inputs.missed {
             self.back_off();
@@ -476,7 +488,7 @@ mod tests {
                 beacon,
                 missed: false,
             };
-            match docking.step(TICK, &inputs) {
+            match docking.step(TICK, inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
@@ -537,7 +549,7 @@ mod tests {
                 beacon: true,
                 missed: false,
             };
-            match docking.step(TICK, &inputs) {
+            match docking.step(TICK, inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 end => {
                     assert_eq!(end, DockingStep::Left);

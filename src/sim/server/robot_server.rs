@@ -272,8 +272,9 @@ impl RobotServer {
             .is_some_and(|after| self.docked_for > after)
         {
             let Pose { x, y, heading } = self.robot.state().pose;
-            let x = x - SLIDE * heading.cos();
-            let y = y - SLIDE * heading.sin();
+            let away = self.robot.world().station.leaves.directed(-SLIDE);
+            let x = x + away * heading.cos();
+            let y = y + away * heading.sin();
             self.robot.place(Pose::new(x, y, heading));
         }
     }

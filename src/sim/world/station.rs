@@ -1,5 +1,5 @@
 //! The charging station: its place, the pose of a docked robot, and the range of its infrared
-//! beacon. The robot drives onto it forwards and leaves it backwards.
+//! beacon.
 
 use std::f64::consts::PI;
 
@@ -48,7 +48,7 @@ const CONTACT_OPENS: Contact = Contact {
 pub struct Station {
     /// The centre of its back, usually at a wall.
     pub at: Spot,
-    /// The direction into the room, degrees, in which a robot leaves, driving backwards.
+    /// The direction into the room, degrees, in which a robot leaves.
     #[serde(deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
     /// Range of the beacon, metres.
@@ -60,6 +60,41 @@ pub struct Station {
     /// How well the robot finds the contacts.
     #[serde(default)]
     pub docking: DockingSettings,
+    /// How the robot drives when it leaves.
+    #[serde(default)]
+    pub leaves: Leaves,
+}
+
+/// How the robot drives when it leaves its station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Leaves {
+    /// On its station it faces it.
+    #[default]
+    Backward,
+    /// On its station it has its back to it, and its receivers are at its back: it also searches
+    /// and enters backwards.
+    Forward,
+}
+
+impl Leaves {
+    /// Returns the heading of a robot whose front or back, whichever it docks with, points in
+    /// this direction; or that direction for a robot with this heading. Radians.
+    pub(crate) fn turned(self, angle: f64) -> f64 {
+        match self {
+            Leaves::Backward => angle,
+            Leaves::Forward => wrap(angle + PI),
+        }
+    }
+
+    /// Returns the speed ahead, metres per second, of a robot that drives with this speed towards
+    /// where it docks.
+    pub(crate) fn directed(self, speed: f64) -> f64 {
+        match self {
+            Leaves::Backward => speed,
+            Leaves::Forward => -speed,
+        }
+    }
 }
 
 /// How well the robot finds the contacts; by default from everywhere in the beacon's light.
@@ -98,19 +133,24 @@ impl Station {
         self.heading_degrees.to_radians()
     }
 
-    /// Returns the pose of a docked robot, facing the station.
+    /// Returns the pose of a docked robot.
     pub fn dock_pose(&self) -> Pose {
-        self.facing(DEPTH + GAP + RADIUS)
+        self.in_front(DEPTH + GAP + RADIUS)
     }
 
     /// Returns the pose at which the final, straight approach begins.
     pub fn staging_pose(&self) -> Pose {
-        self.facing(DEPTH + GAP + RADIUS + STAGING)
+        self.in_front(DEPTH + GAP + RADIUS + STAGING)
     }
 
-    fn facing(&self, distance: f64) -> Pose {
+    fn in_front(&self, distance: f64) -> Pose {
         let point = self.at.point().ahead(self.heading(), distance);
-        Pose::at(point, wrap(self.heading() + PI))
+        Pose::at(point, self.leaves.turned(self.inwards()))
+    }
+
+    /// Returns the direction towards the station, in which robots enter it, radians.
+    pub(crate) fn inwards(&self) -> f64 {
+        wrap(self.heading() + PI)
     }
 
     /// Returns the corners of its footprint.
