@@ -50,7 +50,6 @@ impl DockingInputs<'_> {
 
     fn in_light(&self) -> bool {
         self.beacon
-            && self.distance() <= self.station.docking.range
             && self
                 .station
                 .beacon_reaches(self.pose.point(), self.obstacles)

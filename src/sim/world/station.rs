@@ -168,6 +168,11 @@ impl Station {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
 
+    /// Returns the distance up to which a robot hears the beacon, metres.
+    pub(crate) fn range(&self) -> f64 {
+        self.beacon_range.min(self.docking.range)
+    }
+
     /// Whether a robot at `point` is in the beam, in range and in the line of sight of the beacon.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
@@ -175,9 +180,7 @@ impl Station {
         let off_axis = wrap(beacon.direction_of(point) - self.heading()).abs();
         let in_cone = off_axis <= self.beacon_degrees.abs().to_radians();
         let near = distance <= GLOW && off_axis <= PI / 2.0;
-        distance <= self.beacon_range
-            && (in_cone || near)
-            && obstacles.has_line_of_sight(beacon, point)
+        distance <= self.range() && (in_cone || near) && obstacles.has_line_of_sight(beacon, point)
     }
 
     /// Returns the robot's distance in front of the contacts along the station's axis, and its
