@@ -30,7 +30,9 @@ pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape}
 pub use world::objects::{
     Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Spot, Start, Walker, Wall,
 };
-pub use world::settings::{BatterySettings, CameraSettings, TrackResponse, TrackSettings};
+pub use world::settings::{
+    BatterySettings, CameraSettings, PowerReading, TrackResponse, TrackSettings,
+};
 pub use world::station::{DockingSettings, Leaves, Station};
 pub use world::station_distances::StationDistances;
 pub use yaml::{DocumentError, DocumentKind};

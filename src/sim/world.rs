@@ -460,6 +460,10 @@ mod tests {
                 "tracks: {response: {empty: 0}}\n",
                 "expected a number from 0.1 to 1",
             ),
+            (
+                "battery: {level: 50, power: volts}\n",
+                "unknown variant `volts`, expected `percent` or `voltage`",
+            ),
             ("balls: [3]\n", "expected keys with values"),
         ] {
             let text = fault(more);

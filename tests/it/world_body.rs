@@ -238,3 +238,59 @@ fn a_robot_that_leaves_forward_docks_with_its_back() {
         );
     }
 }
+
+/// The last level that the robot has reported.
+fn reported(robot: &mut Robot) -> u8 {
+    let levels = robot
+        .take_reports()
+        .into_iter()
+        .filter_map(|report| match report {
+            Report::Power(power) => Some(power.percent),
+            _ => None,
+        });
+    levels.last().expect("no POWER")
+}
+
+#[test]
+fn a_voltage_sags_under_the_tracks_and_jumps_up_on_the_station() {
+    let mut robot = robot("start: {at: [1, 1]}\nbattery: {level: 50, power: voltage}");
+    run(&mut robot, 1.0);
+    assert_eq!(reported(&mut robot), 60);
+    robot.execute(&Command::Move {
+        left: 90,
+        right: 90,
+    });
+    run(&mut robot, 2.0);
+    assert!(robot.state().battery > 49.9);
+    assert_eq!(reported(&mut robot), 46);
+    robot.execute(&Command::Move { left: 0, right: 0 });
+    run(&mut robot, 2.0);
+    assert_eq!(reported(&mut robot), 60);
+    robot.place(world("").start_pose());
+    run(&mut robot, 2.0);
+    assert!(robot.state().charging);
+    assert_eq!(reported(&mut robot), 80);
+}
+
+#[test]
+fn a_voltage_is_flat_in_the_middle_and_falls_at_the_end_while_the_energy_drains_evenly() {
+    let yaml =
+        "start: {at: [1, 1]}\nbattery: {level: 100, idle_drain_per_minute: 60, power: voltage}";
+    let mut robot = robot(yaml);
+    let mut levels = vec![100];
+    for second in 1..=99 {
+        run(&mut robot, 1.0);
+        levels.push(reported(&mut robot));
+        let energy = robot.state().battery;
+        assert!(
+            (energy - (100.0 - f64::from(second))).abs() < 0.1,
+            "{energy}"
+        );
+    }
+    assert!(levels.is_sorted_by(|before, after| before >= after));
+    let lost = |from: usize, to: usize| levels[from] - levels[to];
+    assert!(
+        lost(0, 15) > 30 && lost(20, 80) < 15 && lost(90, 99) > 30,
+        "{levels:?}"
+    );
+}

@@ -22,6 +22,21 @@ pub struct BatterySettings {
     /// Charge on the station, percent per minute.
     #[serde(deserialize_with = "number::percent_per_minute")]
     pub charge_per_minute: f64,
+    /// What the robot reports as its level.
+    pub power: PowerReading,
+}
+
+/// What the robot reports as its level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PowerReading {
+    /// The share of the energy that is left.
+    #[default]
+    Percent,
+    /// The voltage of a NiMH battery, as a share of its range: flat in the middle, with a cliff at
+    /// the end; it sags while the tracks run and jumps up while it charges. The energy itself
+    /// drains as with `percent`.
+    Voltage,
 }
 
 impl Default for BatterySettings {
@@ -31,6 +46,7 @@ impl Default for BatterySettings {
             idle_drain_per_minute: 0.4,
             driving_drain_per_minute: 1.2,
             charge_per_minute: 0.8,
+            power: PowerReading::Percent,
         }
     }
 }
