@@ -294,7 +294,9 @@ impl Robot {
         self.environment
             .step(dt.as_secs_f64(), self.chassis.pose, speed);
         let before = self.chassis.collisions();
-        self.chassis.step(dt, &self.environment.obstacles);
+        let environment = &self.environment;
+        self.chassis
+            .step(dt, &environment.obstacles, &environment.bumps);
         if self.chassis.collisions() != before {
             let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
             let pose = self.chassis.pose;

@@ -93,7 +93,7 @@ fn floor(world: &World, canvas: &mut MapCanvas) {
             canvas.line(&[left, right], 1.0, None, GRID);
         }
     }
-    for line in &world.lines {
+    for line in world.strips() {
         if let Some(path) = drawing_path(&line.path()) {
             let least = 2.0 / f64::from(canvas.scale);
             canvas.tape(&path, line.width.max(least) as f32, ink(line.colour, 255));

@@ -14,10 +14,10 @@ use std::path::Path;
 use serde::Deserialize;
 
 use self::fixtures::{Lamp, Noise, Sign, Tape};
-use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Spot, Start, Walker, Wall};
+use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall};
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
-use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles, Shapes};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
@@ -63,9 +63,12 @@ pub struct World {
     /// Furniture: boxes that stand on the floor.
     #[serde(default)]
     pub furniture: Vec<Furniture>,
-    /// Flat carpets: visible, but not obstacles.
+    /// Carpets; not obstacles, but their edges may slow the robot.
     #[serde(default)]
     pub rugs: Vec<Rug>,
+    /// Bars on the floor, as in doorways.
+    #[serde(default)]
+    pub sills: Vec<Sill>,
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
@@ -158,6 +161,19 @@ impl World {
             balls: balls.map(|ball| circle(ball.at, ball.radius)).collect(),
             people: people.map(|who| circle(who.at, who.radius)).collect(),
         })
+    }
+
+    /// Returns the edges that slow or block the robot.
+    pub(crate) fn bumps(&self) -> Vec<Bump> {
+        let rugs = self.rugs.iter().flat_map(Rug::bumps);
+        let all = rugs.chain(self.sills.iter().map(Sill::bump));
+        all.filter(|bump| bump.height > 0.0).collect()
+    }
+
+    /// Returns the strips on the floor: lines and sills.
+    pub(crate) fn strips(&self) -> Vec<Tape> {
+        let sills = self.sills.iter().map(Sill::strip);
+        self.lines.iter().cloned().chain(sills).collect()
     }
 
     pub(crate) fn fixed_obstacles(&self) -> Obstacles {
@@ -262,6 +278,7 @@ mod tests {
             keys::<TrackSettings>(),
             keys::<TrackResponse>(),
             keys::<Rug>(),
+            keys::<Sill>(),
         ]
         .concat()
         {
@@ -463,6 +480,14 @@ mod tests {
             (
                 "battery: {level: 50, power: volts}\n",
                 "unknown variant `volts`, expected `percent` or `voltage`",
+            ),
+            (
+                "rugs: [{at: [1, 1], width: 1, depth: 1, colour: red, height: 0.1}]\n",
+                "w.yaml:3:61: invalid value: floating point `0.1`, expected a number from 0 to 0.03",
+            ),
+            (
+                "sills: [{from: [1, 1], to: [1, 5], height: 0.01}]\n",
+                "w.yaml:3:28: [1, 5] is outside the room",
             ),
             ("balls: [3]\n", "expected keys with values"),
         ] {

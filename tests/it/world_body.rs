@@ -294,3 +294,47 @@ fn a_voltage_is_flat_in_the_middle_and_falls_at_the_end_while_the_energy_drains_
         "{levels:?}"
     );
 }
+
+/// How far east the robot gets in ten seconds at this power, from x = 1 over the edge of a thing at
+/// x = 2, and whether it is blocked there.
+fn gets(thing: &str, power: i8) -> (f64, bool) {
+    let mut robot = robot(&format!("start: {{at: [1, 1]}}\n{thing}"));
+    robot.execute(&Command::Move {
+        left: power,
+        right: power,
+    });
+    run(&mut robot, 10.0);
+    (robot.state().pose.x, robot.state().blocked)
+}
+
+#[test]
+fn edges_of_rugs_and_sills_slow_the_robot_or_block_it_at_low_power() {
+    let rug = |height: f64| {
+        format!("rugs: [{{at: [2.5, 1], width: 1, depth: 1, colour: red, height: {height}}}]")
+    };
+    let sill = |height: f64| format!("sills: [{{from: [2, 0], to: [2, 2], height: {height}}}]");
+    let flat = gets(&rug(0.0), 36);
+    assert!(flat.0 > 2.7 && !flat.1);
+    assert_eq!(gets("", 36), flat);
+    for thing in [rug(0.01), sill(0.01)] {
+        // It needs a quarter of the power: 23 of 90.
+        let (x, blocked) = gets(&thing, 20);
+        assert!(blocked && (1.84..1.86).contains(&x), "{thing} {x}");
+        let (x, blocked) = gets(&thing, 36);
+        assert!(!blocked && x > 2.2 && x < flat.0 - 0.05, "{thing} {x}");
+    }
+    // It can leave backwards.
+    let mut robot = robot(&format!("start: {{at: [1, 1]}}\n{}", sill(0.03)));
+    robot.execute(&Command::Move {
+        left: 50,
+        right: 50,
+    });
+    run(&mut robot, 6.0);
+    assert!(robot.state().blocked);
+    robot.execute(&Command::Move {
+        left: -50,
+        right: -50,
+    });
+    run(&mut robot, 2.0);
+    assert!(!robot.state().blocked && robot.state().pose.x < 1.6);
+}

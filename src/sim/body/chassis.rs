@@ -6,7 +6,7 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::obstacles::{Bump, Obstacles};
 use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
 use crate::sim::world::settings::TrackSettings;
 
@@ -114,7 +114,7 @@ impl Chassis {
 
     /// Advances by `dt`, which should be at most a few hundredths of a second: a longer step could
     /// pass through a wall.
-    pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles) {
+    pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles, bumps: &[Bump]) {
         let seconds = dt.as_secs_f64();
         self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
         self.speeds.right = ramp(self.speeds.right, self.wanted.right, ACCELERATION * seconds);
@@ -122,7 +122,23 @@ impl Chassis {
         let turned = self.turning_speed() * seconds;
         let way = self.pose.heading + turned / 2.0;
         self.pose.heading = wrap(self.pose.heading + turned);
-        self.advance(way, forward, obstacles);
+        let passed = self.passed(way, forward, bumps);
+        if passed == 0.0 {
+            self.blocked = true;
+        } else {
+            self.advance(way, forward * passed, obstacles);
+        }
+    }
+
+    /// Returns which share of a step the bumps under the body let through.
+    fn passed(&self, way: f64, forward: f64, bumps: &[Bump]) -> f64 {
+        let here = self.pose.point();
+        let next = here.ahead(way, forward);
+        let power = (self.wanted.left + self.wanted.right).abs() / (2.0 * FULL_SPEED);
+        let shares = bumps
+            .iter()
+            .map(|bump| bump.passed(here, next, RADIUS, power));
+        shares.fold(1.0, f64::min)
     }
 
     fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
@@ -226,7 +242,7 @@ mod tests {
         let mut body = Chassis::new(from);
         let obstacles = obstacles();
         body.set_target(Tracks::new(left, right).speeds(DEAD_ZONE));
-        (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
+        (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles, &[]));
         body
     }
 
@@ -243,7 +259,7 @@ mod tests {
         let mut body = Chassis::new(Pose::new(2.0, 3.0, 0.0));
         let obstacles = obstacles();
         body.set_target(Tracks::new(-45, 45).speeds(DEAD_ZONE));
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
         assert!(body.pose.point().distance(Pose::new(2.0, 3.0, 0.0).point()) < 1e-6);
     }
@@ -253,14 +269,14 @@ mod tests {
         let mut body = Chassis::new(Pose::new(1.0, 3.0, 0.0));
         let obstacles = obstacles();
         body.set_target(Tracks::new(90, 90).speeds(DEAD_ZONE));
-        body.step(TICK, &obstacles);
+        body.step(TICK, &obstacles, &[]);
         assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert_eq!(body.speeds(), Tracks::new(FULL_SPEED, FULL_SPEED));
         body.set_target(Tracks::default());
-        body.step(TICK, &obstacles);
+        body.step(TICK, &obstacles, &[]);
         assert!(body.speeds().left > FULL_SPEED / 2.0);
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert_eq!(body.speeds(), Tracks::default());
     }
 
@@ -270,7 +286,7 @@ mod tests {
         assert!(body.blocked() && body.collisions() == 1);
         assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
         body.set_target(Tracks::new(-90, -90).speeds(DEAD_ZONE));
-        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        (0..100).for_each(|_| body.step(TICK, &obstacles(), &[]));
         assert!(body.pose.x < 5.5 && !body.blocked() && body.collisions() == 1);
     }
 
@@ -283,7 +299,7 @@ mod tests {
             body.pose
         );
         body.set_target(Tracks::new(-45, 45).speeds(DEAD_ZONE));
-        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        (0..100).for_each(|_| body.step(TICK, &obstacles(), &[]));
         assert!(wrap(body.pose.heading).abs() > 0.5);
     }
 

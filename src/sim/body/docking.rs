@@ -492,7 +492,7 @@ mod tests {
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
             }
-            body.step(TICK, &obstacles);
+            body.step(TICK, &obstacles, &[]);
             if station.touched(body.pose, false) {
                 return (f64::from(step) / 50.0, true);
             }
@@ -555,7 +555,7 @@ mod tests {
                     break;
                 }
             }
-            body.step(TICK, &obstacles);
+            body.step(TICK, &obstacles, &[]);
         }
         assert!(!docking.leaving() && station.offset(body.pose).0 >= LEFT_AT);
         assert_eq!(body.collisions(), 0);

@@ -43,6 +43,7 @@ fn check_counts(world: &World) -> Result<(), ValidationError> {
         ("walls", world.walls.len()),
         ("furniture", world.furniture.len()),
         ("rugs", world.rugs.len()),
+        ("sills", world.sills.len()),
         ("balls", world.balls.len()),
         ("posts", world.posts.len()),
         ("lines", world.lines.len()),
@@ -147,6 +148,10 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     for (index, wall) in world.walls.iter().enumerate() {
         add(&[Key("walls"), Index(index), Key("from")], wall.from);
         add(&[Key("walls"), Index(index), Key("to")], wall.to);
+    }
+    for (index, sill) in world.sills.iter().enumerate() {
+        add(&[Key("sills"), Index(index), Key("from")], sill.from);
+        add(&[Key("sills"), Index(index), Key("to")], sill.to);
     }
     let lists: [(&'static str, Vec<Spot>); 8] = [
         (
