@@ -29,6 +29,7 @@ use crate::sim::camera::{Shot, Video};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::World;
 use crate::sim::world::dynamics::Environment;
+use crate::sim::world::wifi::Radio;
 use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
 /// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
@@ -123,6 +124,10 @@ impl Robot {
     /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&mut self, index: usize, place: Point) {
         self.environment.put_ball(index, place);
+    }
+
+    pub(crate) fn radio(&self) -> Radio {
+        self.environment.world.radio(self.chassis.pose.point())
     }
 
     /// Whether the robot is on its station; AUTH_REPLY reports this too.

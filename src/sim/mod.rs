@@ -35,6 +35,7 @@ pub use world::settings::{
 };
 pub use world::station::{DockingSettings, Leaves, Station};
 pub use world::station_distances::StationDistances;
+pub use world::wifi::Wifi;
 pub use yaml::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

@@ -8,6 +8,7 @@ pub(crate) mod settings;
 pub(crate) mod station;
 pub(crate) mod station_distances;
 mod validate;
+pub(crate) mod wifi;
 
 use std::path::Path;
 
@@ -17,6 +18,7 @@ use self::fixtures::{Lamp, Noise, Sign, Tape};
 use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall};
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
+use self::wifi::Wifi;
 use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles, Shapes};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
@@ -107,6 +109,9 @@ pub struct World {
     /// How the tracks follow their commands, differ and slip.
     #[serde(default)]
     pub tracks: TrackSettings,
+    /// The Wi-Fi; without it the network reaches everywhere.
+    #[serde(default)]
+    pub wifi: Option<Wifi>,
 }
 
 impl World {
@@ -279,6 +284,7 @@ mod tests {
             keys::<TrackResponse>(),
             keys::<Rug>(),
             keys::<Sill>(),
+            keys::<Wifi>(),
         ]
         .concat()
         {
@@ -488,6 +494,11 @@ mod tests {
             (
                 "sills: [{from: [1, 1], to: [1, 5], height: 0.01}]\n",
                 "w.yaml:3:28: [1, 5] is outside the room",
+            ),
+            ("wifi: {at: [1, 1]}\n", "missing field `range`"),
+            (
+                "wifi: {at: [7, 1], range: 5}\n",
+                "w.yaml:3:12: [7, 1] is outside the room",
             ),
             ("balls: [3]\n", "expected keys with values"),
         ] {

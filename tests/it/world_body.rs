@@ -3,8 +3,12 @@
 
 use std::time::Duration;
 
+use tokio::time::{Instant, timeout};
+
 use spykee::sim::{Firmware, Pose, Robot, World};
 use spykee::wire::{Command, Engage, EngineReport, Report};
+
+use super::sim::{POWER_QUERY, connect, detached};
 
 const STEP: Duration = Duration::from_millis(20);
 
@@ -337,4 +341,56 @@ fn edges_of_rugs_and_sills_slow_the_robot_or_block_it_at_low_power() {
     });
     run(&mut robot, 2.0);
     assert!(!robot.state().blocked && robot.state().pose.x < 1.6);
+}
+
+/// How long the robot takes to answer a question at a place; `None` if it does not within 20 s.
+async fn answers_after(more: &str, x: f64) -> Option<Duration> {
+    let yaml = format!("start: {{at: [1, 1]}}\nwifi: {{at: [1, 1], range: 4}}\n{more}");
+    // So that no POWER comes by itself.
+    let firmware = Firmware {
+        power_period: Duration::from_secs(3600),
+        ..Firmware::default()
+    };
+    let handle = detached(world(&yaml), firmware);
+    let mut client = connect(&handle).log_in().await;
+    handle.place(Pose::new(x, 1.0, 0.0));
+    let there = handle.wait_state(|state| state.pose.x == x);
+    timeout(Duration::from_secs(1), there).await.unwrap();
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    let asked = Instant::now();
+    client.send(POWER_QUERY).await;
+    let answer = client.next_of_kind(3);
+    timeout(Duration::from_secs(20), answer).await.ok()?;
+    Some(asked.elapsed())
+}
+
+#[tokio::test(start_paused = true)]
+async fn out_of_the_range_of_its_wifi_a_robot_hears_and_says_nothing() {
+    let near = answers_after("", 4.0).await.unwrap();
+    assert!(near < Duration::from_millis(50), "{near:?}");
+    assert_eq!(answers_after("", 5.2).await, None);
+    // A wall costs three metres.
+    let wall = "walls: [{from: [2, 0], to: [2, 3]}]";
+    assert_eq!(answers_after(wall, 3.2).await, None);
+    assert!(answers_after("", 3.2).await.is_some());
+}
+
+#[tokio::test(start_paused = true)]
+async fn near_the_edge_of_its_wifi_a_robot_is_late() {
+    let late = answers_after("", 4.95).await.unwrap();
+    assert!(late > Duration::from_millis(100), "{late:?}");
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_robot_that_comes_back_into_range_takes_a_new_connection() {
+    let yaml = "start: {at: [1, 1]}\nwifi: {at: [1, 1], range: 2}";
+    let handle = detached(world(yaml), Firmware::default());
+    handle.place(Pose::new(5.0, 1.0, 0.0));
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let mut lost = connect(&handle);
+    lost.send(super::sim::LOGIN).await;
+    assert!(timeout(Duration::from_secs(20), lost.next()).await.is_err());
+    handle.place(Pose::new(1.5, 1.0, 0.0));
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    connect(&handle).log_in().await;
 }

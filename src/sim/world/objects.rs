@@ -169,6 +169,10 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
+    pub(super) fn stands_between(&self, a: Point, b: Point) -> bool {
+        self.sides().iter().any(|side| side.crosses(a, b))
+    }
+
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let from = self.from.point();
         let to = self.to.point();

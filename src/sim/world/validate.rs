@@ -141,6 +141,9 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     let station = world.station.at.point();
     let mut spots = vec![(vec![Key("station"), Key("at")], station)];
+    if let Some(wifi) = world.wifi {
+        spots.push((vec![Key("wifi"), Key("at")], wifi.at.point()));
+    }
     if let Some(start) = world.start {
         spots.push((vec![Key("start"), Key("at")], start.at.point()));
     }
