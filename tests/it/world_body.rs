@@ -5,10 +5,13 @@ use std::time::Duration;
 
 use tokio::time::{Instant, timeout};
 
+use spykee::script;
 use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Engage, EngineReport, Report};
 
 use super::sim::{POWER_QUERY, connect, detached};
+use crate::long_runs::behaviour;
 
 const STEP: Duration = Duration::from_millis(20);
 
@@ -393,4 +396,63 @@ async fn a_robot_that_comes_back_into_range_takes_a_new_connection() {
     handle.place(Pose::new(1.5, 1.0, 0.0));
     tokio::time::sleep(Duration::from_secs(1)).await;
     connect(&handle).log_in().await;
+}
+
+/// What a script does in 40 seconds that begin on the station.
+struct Leaving {
+    metres: f64,
+    comes_back: bool,
+    hits_station: bool,
+}
+
+fn leaves_station(leaves: &str, source: &str) -> Leaving {
+    let station = format!("leaves: {leaves}");
+    let world = docking_world(&station, "camera: {latency: 0.2}\nlamps: [{at: [3, 2]}]");
+    let script = behaviour(source, script::Options::new("leaves", "leaves.lua"));
+    let options = simulation::Options::default();
+    let left = simulation::run(world, options, async |simulation: &Simulation| {
+        let run = simulation.start(vec![script], None);
+        let sim = simulation.sim();
+        let off = sim.wait_state(|state| !state.docked);
+        timeout(Duration::from_secs(20), off)
+            .await
+            .expect("it stays");
+        let home = sim.wait_state(|state| state.docked);
+        let comes_back = timeout(Duration::from_secs(40), home).await.is_ok();
+        run.stop();
+        let _ = run.outcome().await;
+        Leaving {
+            metres: sim.state().distance,
+            comes_back,
+            hits_station: sim.trace().collisions().any(|name| name == "station"),
+        }
+    });
+    left.unwrap()
+}
+
+#[test]
+fn no_ready_behaviour_drives_back_onto_its_station_however_it_leaves_it() {
+    let easy = |call: &str| format!("require('@spykee/easy').{call}");
+    let scripts = [
+        include_str!("../../behaviours/patrol.lua").to_owned(),
+        include_str!("../../behaviours/explore.lua").to_owned(),
+        include_str!("../../src/cli/new/patrol.lua").to_owned(),
+        easy("drive(100)"),
+        easy("drive(-100)"),
+        easy("forward(3)"),
+        easy("back(3)"),
+        "require('@spykee/floor').leave_station() robot.forward(1)".to_owned(),
+        // These stay near their station when they see nothing.
+        include_str!("../../behaviours/follow_colour.lua").to_owned(),
+        include_str!("../../behaviours/follow_line.lua").to_owned(),
+        include_str!("../../src/cli/new/follow.lua").to_owned(),
+    ];
+    for (number, script) in scripts.iter().enumerate() {
+        for leaves in ["forward", "backward"] {
+            let left = leaves_station(leaves, script);
+            let what = format!("{leaves}, script {number}: {} m", left.metres);
+            assert!(!left.comes_back && !left.hits_station, "{what}");
+            assert!(number >= 8 || left.metres > 0.9, "{what}");
+        }
+    }
 }
