@@ -137,8 +137,8 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
     Err(ValidationError { path, message })
 }
 
-/// Returns every place that must be in the room, with its path in the document.
-fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
+/// Returns the places outside lists that must be in the room, with their paths.
+fn single_spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     let station = world.station.at.point();
     let mut spots = vec![(vec![Key("station"), Key("at")], station)];
     if let Some(wifi) = world.wifi {
@@ -147,6 +147,12 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     if let Some(start) = world.start {
         spots.push((vec![Key("start"), Key("at")], start.at.point()));
     }
+    spots
+}
+
+/// Returns every place that must be in the room, with its path in the document.
+fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
+    let mut spots = single_spots(world);
     let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
     for (index, wall) in world.walls.iter().enumerate() {
         add(&[Key("walls"), Index(index), Key("from")], wall.from);
