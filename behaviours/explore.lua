@@ -67,11 +67,9 @@ local function rest()
 	while battery and (battery.percent or 100) < settings.enough do
 		battery = robot.wait_for("battery", 60) or robot.battery()
 	end
-	local out, why = robot.undock()
+	local _, why = floor.leave_station()
 	if why == "safety" then
 		robot.wait_for("battery", 60) -- its level is not known, and the watchdog lets it charge longer
-	elseif out then
-		robot.turn(math.pi)
 	end
 	last_texture, away = nil, nil
 end

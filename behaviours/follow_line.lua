@@ -25,7 +25,7 @@ local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
 -- Seconds of turning to the first side: for a lost line, and for a line that was never seen.
 local FIRST, GLANCE = 1.8 / LOOK_AROUND, 0.7 / LOOK_AROUND
 
-robot.undock() -- has no effect if the robot is not on its station
+floor.leave_station() -- has no effect if the robot is not on its station
 
 -- Points still to reach: x metres ahead of the robot, y metres to its left, seen from `away`
 -- metres.

@@ -109,14 +109,13 @@ local function go_home()
 		return task.wait(5)
 	end
 	charge()
-	local out, why = robot.undock()
+	local out, why = floor.leave_station()
+	robot.stream("video", false)
 	if not out then
 		log.warn(`could not leave the station: {why}`)
 		-- If its level is not known, the watchdog knows when it has charged enough.
-		return task.wait(if level() then 5 else 300)
+		task.wait(if level() then 5 else 300)
 	end
-	-- It has backed out and still faces its station.
-	robot.turn(math.pi)
 end
 
 while true do

@@ -1,9 +1,10 @@
 //! The modules that come with the runtime and are documented for scripts, such as
 //! `require("@spykee/bt")`.
 
+use super::choices::DOCK_CODE;
 use super::frame::FRAME;
 use super::make::{
-    boolean, bounded, call, function, number, object, open, options, table, text, value,
+    boolean, bounded, call, choice, function, number, object, open, options, table, text, value,
 };
 use super::model::{Availability, Bounds, Function, Namespace, Object, SECONDS, Type, Value};
 
@@ -326,6 +327,18 @@ pub(super) const FLOOR: Namespace = module(
             "Returns the distance from the camera to the nearest floor that the picture shows.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(floor.nearest(frame))\nend",
         ),
+        call(
+            "floor.leave_station",
+            &[boolean("backwards", "the room is to be behind the robot, not ahead").optional()],
+            &[
+                boolean("ok", "whether it was completed"),
+                choice("code", DOCK_CODE, "how it ended"),
+            ],
+            "Leaves the charging station, as `robot.undock` does, then looks which way is free and turns there if it must: \
+             some robots back out of their station, others drive off it forward.",
+            "if robot.docked() and floor.leave_station() then\n\trobot.forward(0.5)\nend",
+        )
+        .waiting(),
         call(
             "floor.drive_on",
             &[

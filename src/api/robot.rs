@@ -238,8 +238,9 @@ const FUNCTIONS: &[Function] = &[
         "robot.undock",
         &[options(&[seconds("timeout", DOCKING, 20.0, "")])],
         &[OK, choice("code", DOCK_CODE, "how it ended")],
-        "Leaves the charging station, and waits until the robot is off it.",
-        "if robot.docked() and robot.undock() then\n\trobot.turn(math.pi) -- turns away from the station\nend",
+        "Leaves the charging station, and waits until the robot is off it. Most robots back out of it and face it then; \
+         `floor.leave_station` also turns where the way is free.",
+        "if robot.docked() then\n\trobot.undock()\nend",
     )
     .waiting(),
     call(

@@ -29,6 +29,7 @@ use crate::sim::camera::{Shot, Video};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::World;
 use crate::sim::world::dynamics::Environment;
+use crate::sim::world::wifi::Radio;
 use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
 /// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
@@ -79,7 +80,12 @@ impl Robot {
             docking: Docking::new(firmware.search_limit),
             track_slip: TrackSlip::new(world.tracks, seed),
             chassis: Chassis::new(pose),
-            contacts: Contacts::new(touching, firmware.charger_hours),
+            contacts: Contacts::new(
+                world.station.docking,
+                touching,
+                firmware.charger_hours,
+                seed,
+            ),
             battery,
             power: PowerReports::new(firmware.power_late, firmware.power_while_charging, seed),
             leds: Leds::default(),
@@ -118,6 +124,10 @@ impl Robot {
     /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&mut self, index: usize, place: Point) {
         self.environment.put_ball(index, place);
+    }
+
+    pub(crate) fn radio(&self) -> Radio {
+        self.environment.world.radio(self.chassis.pose.point())
     }
 
     /// Whether the robot is on its station; AUTH_REPLY reports this too.
@@ -260,12 +270,16 @@ impl Robot {
             pose: self.chassis.pose,
             station: &self.environment.world.station,
             obstacles: &self.environment.obstacles,
-            beacon: self.contacts.beacon,
+            beacon: self.contacts.hears_beacon(),
+            missed: self.contacts.missed(),
         };
-        let wanted = match self.docking.step(dt, &inputs) {
-            DockingStep::Free => self.commanded.speeds(),
+        let world = &self.environment.world;
+        let commanded = self.commanded.speeds(world.tracks.dead_zone);
+        let response = world.track_response(self.battery.percent(), self.chassis.pose.point());
+        let wanted = match self.docking.step(dt, inputs) {
+            DockingStep::Free => commanded,
             DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
-            DockingStep::Drive(_) => self.commanded.speeds(),
+            DockingStep::Drive(_) => commanded,
             DockingStep::Left => Tracks::default(),
             DockingStep::NotFound => {
                 self.report_engine(EngineReport::BaseNotFound);
@@ -275,7 +289,7 @@ impl Robot {
         self.chassis.set_target(if self.battery.empty() {
             Tracks::default()
         } else {
-            self.track_slip.step(wanted, dt)
+            self.track_slip.step(wanted.scaled(response), dt)
         });
         self.step_motion(dt);
     }
@@ -285,7 +299,9 @@ impl Robot {
         self.environment
             .step(dt.as_secs_f64(), self.chassis.pose, speed);
         let before = self.chassis.collisions();
-        self.chassis.step(dt, &self.environment.obstacles);
+        let environment = &self.environment;
+        self.chassis
+            .step(dt, &environment.obstacles, &environment.bumps);
         if self.chassis.collisions() != before {
             let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
             let pose = self.chassis.pose;
@@ -298,7 +314,8 @@ impl Robot {
 
     fn update_contacts(&mut self) {
         let station = &self.environment.world.station;
-        self.contacts.update(station, self.chassis.pose);
+        let entering = self.docking.searching();
+        self.contacts.update(station, self.chassis.pose, entering);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();

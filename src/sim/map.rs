@@ -93,7 +93,7 @@ fn floor(world: &World, canvas: &mut MapCanvas) {
             canvas.line(&[left, right], 1.0, None, GRID);
         }
     }
-    for line in &world.lines {
+    for line in world.strips() {
         if let Some(path) = drawing_path(&line.path()) {
             let least = 2.0 / f64::from(canvas.scale);
             canvas.tape(&path, line.width.max(least) as f32, ink(line.colour, 255));
@@ -113,7 +113,7 @@ impl World {
         let mut cone = vec![beacon];
         for ray in 0..=RAYS {
             let angle = station.heading() + half * (2.0 * f64::from(ray) / f64::from(RAYS) - 1.0);
-            let end = beacon.ahead(angle, station.beacon_range);
+            let end = beacon.ahead(angle, station.range());
             let share = obstacles.first_side(beacon, end).unwrap_or(1.0);
             cone.push(beacon.towards(end, share));
         }

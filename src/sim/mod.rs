@@ -28,11 +28,14 @@ pub use server::{Options, Server};
 pub use world::World;
 pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape};
 pub use world::objects::{
-    Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Spot, Start, Walker, Wall,
+    Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
 };
-pub use world::settings::{BatterySettings, CameraSettings, TrackSettings};
-pub use world::station::Station;
+pub use world::settings::{
+    BatterySettings, CameraSettings, PowerReading, TrackResponse, TrackSettings,
+};
+pub use world::station::{DockingSettings, Leaves, Station};
 pub use world::station_distances::StationDistances;
+pub use world::wifi::Wifi;
 pub use yaml::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

@@ -100,6 +100,9 @@ impl Server {
                 Some(event) = self.events.recv() => self.robot_server.handle_event(event),
                 (stream, breaker) = self.sockets.accept() => self.robot_server.admit(stream, breaker),
                 Some((length, from)) = self.sockets.receive(&mut datagram) => {
+                    if !self.robot_server.is_in_range() {
+                        continue;
+                    }
                     let reply = self.robot_server.discovery_reply();
                     self.sockets.answer(&reply, &datagram[..length], from).await;
                 }

@@ -8,16 +8,18 @@ pub(crate) mod settings;
 pub(crate) mod station;
 pub(crate) mod station_distances;
 mod validate;
+pub(crate) mod wifi;
 
 use std::path::Path;
 
 use serde::Deserialize;
 
 use self::fixtures::{Lamp, Noise, Sign, Tape};
-use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Spot, Start, Walker, Wall};
+use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall};
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
-use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
+use self::wifi::Wifi;
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles, Shapes};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
@@ -63,9 +65,12 @@ pub struct World {
     /// Furniture: boxes that stand on the floor.
     #[serde(default)]
     pub furniture: Vec<Furniture>,
-    /// Flat carpets: visible, but not obstacles.
+    /// Carpets; not obstacles, but their edges may slow the robot.
     #[serde(default)]
     pub rugs: Vec<Rug>,
+    /// Bars on the floor, as in doorways.
+    #[serde(default)]
+    pub sills: Vec<Sill>,
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
@@ -101,9 +106,12 @@ pub struct World {
     /// The camera's properties.
     #[serde(default)]
     pub camera: CameraSettings,
-    /// How much the tracks differ and slip.
+    /// How the tracks follow their commands, differ and slip.
     #[serde(default)]
     pub tracks: TrackSettings,
+    /// The Wi-Fi; without it the network reaches everywhere.
+    #[serde(default)]
+    pub wifi: Option<Wifi>,
 }
 
 impl World {
@@ -111,6 +119,12 @@ impl World {
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
+    }
+
+    /// Returns which share of its speed the robot reaches at a battery level, percent, and a place.
+    pub(crate) fn track_response(&self, percent: f64, place: Point) -> f64 {
+        let on_rug = self.rugs.iter().any(|rug| rug.covers(place));
+        self.tracks.response.share(percent, on_rug)
     }
 
     pub(crate) fn solid(&self, place: Point) -> bool {
@@ -152,6 +166,19 @@ impl World {
             balls: balls.map(|ball| circle(ball.at, ball.radius)).collect(),
             people: people.map(|who| circle(who.at, who.radius)).collect(),
         })
+    }
+
+    /// Returns the edges that slow or block the robot.
+    pub(crate) fn bumps(&self) -> Vec<Bump> {
+        let rugs = self.rugs.iter().flat_map(Rug::bumps);
+        let all = rugs.chain(self.sills.iter().map(Sill::bump));
+        all.filter(|bump| bump.height > 0.0).collect()
+    }
+
+    /// Returns the strips on the floor: lines and sills.
+    pub(crate) fn strips(&self) -> Vec<Tape> {
+        let sills = self.sills.iter().map(Sill::strip);
+        self.lines.iter().cloned().chain(sills).collect()
     }
 
     pub(crate) fn fixed_obstacles(&self) -> Obstacles {
@@ -217,6 +244,8 @@ fn full() -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::world::settings::TrackResponse;
+    use crate::sim::world::station::DockingSettings;
     use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
 
     #[test]
@@ -241,6 +270,35 @@ mod tests {
         let yaml = yaml.split("```").next().unwrap();
         let world = World::from_yaml(yaml, "README.md").unwrap();
         assert!(!world.lamps.is_empty() && !world.walkers.is_empty() && !world.sounds.is_empty());
+        let used: Vec<&str> = yaml
+            .split(|c: char| !c.is_alphanumeric() && c != '_')
+            .collect();
+        for key in [
+            keys::<World>(),
+            keys::<Room>(),
+            keys::<Station>(),
+            keys::<DockingSettings>(),
+            keys::<BatterySettings>(),
+            keys::<CameraSettings>(),
+            keys::<TrackSettings>(),
+            keys::<TrackResponse>(),
+            keys::<Rug>(),
+            keys::<Sill>(),
+            keys::<Wifi>(),
+        ]
+        .concat()
+        {
+            assert!(used.contains(&key.as_str()), "{key} is not explained");
+        }
+    }
+
+    /// Returns the keys that the parser of a type knows: those that its error suggests.
+    fn keys<T: serde::de::DeserializeOwned + std::fmt::Debug>() -> Vec<String> {
+        let error = serde_yaml::from_str::<T>("{no_such_key: 1}").unwrap_err();
+        let error = error.to_string();
+        let known: Vec<String> = error.split('`').map(str::to_owned).collect();
+        assert_eq!(known[1], "no_such_key", "{error}");
+        known.into_iter().skip(3).step_by(2).collect()
     }
 
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
@@ -295,6 +353,33 @@ mod tests {
             assert!(text.starts_with(place), "{text}");
             assert!(text.contains("expected a number from"), "{text}");
         }
+    }
+
+    #[test]
+    fn mistakes_in_the_docking_name_their_place() {
+        let error = |docking: &str| {
+            let station =
+                format!("station:\n  at: [0, 2]\n  heading_degrees: 0\n  docking: {docking}\n");
+            let text = format!("{ROOM}{station}");
+            World::from_yaml(&text, "w.yaml").unwrap_err().to_string()
+        };
+        let wrong = error("{ success: 2 }");
+        assert!(
+            wrong.starts_with("w.yaml:5:23: ") && wrong.contains("(1 is always)"),
+            "{wrong}"
+        );
+        let wrong = error("{ range: -1 }");
+        assert!(
+            wrong.starts_with("w.yaml:5:21: ") && wrong.contains("(metres)"),
+            "{wrong}"
+        );
+        let wrong = error("{}\n  leaves: sideways");
+        assert!(
+            wrong.starts_with("w.yaml:6:11: ") && wrong.contains("`forward`"),
+            "{wrong}"
+        );
+        let wrong = error("{ sees_obstacle: no }");
+        assert!(wrong.ends_with("did you mean `sees_obstacles`?"), "{wrong}");
     }
 
     #[test]
@@ -389,6 +474,32 @@ mod tests {
             ),
             ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
             ("tracks: {slip: 2}\n", "w.yaml:3:16: "),
+            (
+                "tracks:\n  dead_zone: 95\n",
+                "w.yaml:4:14: tracks.dead_zone: invalid value: floating point `95.0`",
+            ),
+            ("tracks: {response: {rugs: 1}}\n", "did you mean `rug`?"),
+            (
+                "tracks: {response: {empty: 0}}\n",
+                "expected a number from 0.1 to 1",
+            ),
+            (
+                "battery: {level: 50, power: volts}\n",
+                "`percent` or `voltage`",
+            ),
+            (
+                "rugs: [{at: [1, 1], width: 1, depth: 1, colour: red, height: 0.1}]\n",
+                "expected a number from 0 to 0.03 (metres)",
+            ),
+            (
+                "sills: [{from: [1, 1], to: [1, 5], height: 0.01}]\n",
+                "w.yaml:3:28: [1, 5] is outside the room",
+            ),
+            ("wifi: {at: [1, 1]}\n", "missing field `range`"),
+            (
+                "wifi: {at: [7, 1], range: 5}\n",
+                "w.yaml:3:12: [7, 1] is outside the room",
+            ),
             ("balls: [3]\n", "expected keys with values"),
         ] {
             let text = fault(more);

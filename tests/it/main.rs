@@ -67,3 +67,4 @@ mod untrusted_peers;
 mod vision;
 mod waiting;
 mod world;
+mod world_body;

@@ -371,6 +371,7 @@ pub fn patrol(speed: Option<f64>, seed: u64) -> Patrolled {
     world.tracks = TrackSettings {
         unequal: 0.03,
         slip: 0.02,
+        ..TrackSettings::default()
     };
     if let Some(start) = &mut world.start {
         start.heading_degrees = StdRng::seed_from_u64(seed).random_range(-180.0..180.0);

@@ -4,6 +4,8 @@
 -- Try it:  spykee run {{NAME}}.lua --sim
 -- Another colour: see `colours:` in spykee.yaml.
 
+local floor = require("@spykee/floor")
+
 local COLOUR = "red"
 local NEAR = 125 -- pixels: when it looks this wide, the robot is close enough
 local ENOUGH = 60 -- percent: it leaves its station at this battery level
@@ -13,16 +15,14 @@ local function has_enough()
 	return battery and (battery.percent or 100) >= ENOUGH -- nil: not known
 end
 
--- On its station it cannot drive: it charges, backs out and turns away from the station.
+-- On its station it cannot drive: it charges, leaves the station and turns away from it.
 local function leave_station()
 	while not has_enough() do
 		robot.wait_for("battery", 60)
 	end
-	local out, why = robot.undock()
+	local _, why = floor.leave_station()
 	if why == "safety" then
 		robot.wait_for("battery", 60) -- the watchdog wants it to charge longer
-	elseif out then
-		robot.turn(math.pi)
 	end
 end
 

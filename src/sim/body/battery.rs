@@ -8,13 +8,33 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 use super::firmware::PowerWhileCharging;
-use crate::sim::world::settings::BatterySettings;
+use crate::sim::world::settings::{BatterySettings, PowerReading};
 use crate::wire::Power;
+
+/// Energy left, percent, and the voltage of the battery at rest, as a share of the range from 1.0 to
+/// 1.4 V a cell: an assumption from the discharge curves in data sheets of NiMH cells; no genuine
+/// battery was measured.
+const VOLTAGE: [[f64; 2]; 8] = [
+    [0.0, 0.0],
+    [3.0, 20.0],
+    [8.0, 40.0],
+    [15.0, 52.0],
+    [50.0, 60.0],
+    [85.0, 68.0],
+    [95.0, 80.0],
+    [100.0, 100.0],
+];
+/// By how much the voltage sags while both tracks run at full speed.
+const SAG: f64 = 14.0;
+/// By how much the voltage rises while the battery charges.
+const RISE: f64 = 20.0;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Battery {
     settings: BatterySettings,
     percent: f64,
+    /// The motors' load, 0..=1.
+    effort: f64,
     charging: bool,
     full_reported: bool,
 }
@@ -24,6 +44,7 @@ impl Battery {
         Battery {
             settings,
             percent: settings.level,
+            effort: 0.0,
             charging: false,
             full_reported: false,
         }
@@ -61,12 +82,13 @@ impl Battery {
     }
 
     pub(crate) fn step(&mut self, dt: Duration, effort: f64) {
+        self.effort = effort.clamp(0.0, 1.0);
         let rate = if self.charging {
             self.settings.charge_per_minute
         } else {
             let driving = self.settings.driving_drain_per_minute;
             let idle = self.settings.idle_drain_per_minute;
-            -(idle + (driving - idle) * effort.clamp(0.0, 1.0))
+            -(idle + (driving - idle) * self.effort)
         };
         self.set_percent(self.percent + rate * dt.as_secs_f64() / 60.0);
     }
@@ -81,11 +103,29 @@ impl Battery {
     /// Returns the content of POWER. A charging battery reports at least 1, because the wire format
     /// encodes charging in the sign and has no negative zero.
     pub(crate) fn power(&self) -> Power {
-        let percent = self.percent.round() as u8;
+        let percent = match self.settings.power {
+            PowerReading::Percent => self.percent,
+            PowerReading::Voltage => self.voltage(),
+        };
+        let percent = percent.round() as u8;
         Power {
             percent: percent.max(u8::from(self.charging)),
             charging: self.charging,
         }
+    }
+
+    fn voltage(&self) -> f64 {
+        let higher = VOLTAGE.partition_point(|[energy, _]| *energy < self.percent);
+        let higher = higher.clamp(1, VOLTAGE.len() - 1);
+        let [from, low] = VOLTAGE[higher - 1];
+        let [to, high] = VOLTAGE[higher];
+        let at_rest = low + (high - low) * (self.percent - from) / (to - from);
+        let change = if self.charging {
+            RISE
+        } else {
+            -SAG * self.effort
+        };
+        (at_rest + change).clamp(0.0, 100.0)
     }
 }
 
@@ -207,6 +247,7 @@ mod tests {
             idle_drain_per_minute: 1.0,
             driving_drain_per_minute: 4.0,
             charge_per_minute: 10.0,
+            power: PowerReading::Percent,
         })
     }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::obstacles::{Bump, Obstacles};
 use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
 use crate::sim::world::settings::TrackSettings;
 
@@ -14,8 +14,6 @@ use crate::sim::world::settings::TrackSettings;
 pub const FULL_SPEED: f64 = 0.45;
 /// Full power in the protocol. Some clients send up to 127, which is not faster.
 pub const FULL_POWER: i8 = 90;
-/// Below this power the tracks do not overcome their friction.
-const DEAD_POWER: i8 = 5;
 /// Acceleration of a track, metres per second squared.
 const ACCELERATION: f64 = 1.5;
 
@@ -36,18 +34,28 @@ impl<T> Tracks<T> {
 }
 
 impl Tracks<i8> {
-    /// Returns the track speeds, in metres per second, for these powers.
-    pub(crate) fn speeds(self) -> Tracks<f64> {
-        Tracks::new(speed_of(self.left), speed_of(self.right))
+    /// Returns the track speeds, in metres per second, for these powers; 0 below `dead_zone`
+    /// percent of full power.
+    pub(crate) fn speeds(self, dead_zone: f64) -> Tracks<f64> {
+        Tracks::new(
+            speed_of(self.left, dead_zone),
+            speed_of(self.right, dead_zone),
+        )
     }
 }
 
-fn speed_of(power: i8) -> f64 {
-    if power.unsigned_abs() < DEAD_POWER.unsigned_abs() {
+impl Tracks<f64> {
+    pub(crate) fn scaled(self, by: f64) -> Tracks<f64> {
+        Tracks::new(self.left * by, self.right * by)
+    }
+}
+
+fn speed_of(power: i8, dead_zone: f64) -> f64 {
+    let share = (f64::from(power) / f64::from(FULL_POWER)).clamp(-1.0, 1.0);
+    if share.abs() < dead_zone / 100.0 {
         return 0.0;
     }
-    let share = f64::from(power) / f64::from(FULL_POWER);
-    share.clamp(-1.0, 1.0) * FULL_SPEED
+    share * FULL_SPEED
 }
 
 #[derive(Debug, Clone)]
@@ -106,7 +114,7 @@ impl Chassis {
 
     /// Advances by `dt`, which should be at most a few hundredths of a second: a longer step could
     /// pass through a wall.
-    pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles) {
+    pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles, bumps: &[Bump]) {
         let seconds = dt.as_secs_f64();
         self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
         self.speeds.right = ramp(self.speeds.right, self.wanted.right, ACCELERATION * seconds);
@@ -114,7 +122,23 @@ impl Chassis {
         let turned = self.turning_speed() * seconds;
         let way = self.pose.heading + turned / 2.0;
         self.pose.heading = wrap(self.pose.heading + turned);
-        self.advance(way, forward, obstacles);
+        let passed = self.passed(way, forward, bumps);
+        if passed == 0.0 {
+            self.blocked = true;
+        } else {
+            self.advance(way, forward * passed, obstacles);
+        }
+    }
+
+    /// Returns which share of a step the bumps under the body let through.
+    fn passed(&self, way: f64, forward: f64, bumps: &[Bump]) -> f64 {
+        let here = self.pose.point();
+        let next = here.ahead(way, forward);
+        let power = (self.wanted.left + self.wanted.right).abs() / (2.0 * FULL_SPEED);
+        let shares = bumps
+            .iter()
+            .map(|bump| bump.passed(here, next, RADIUS, power));
+        shares.fold(1.0, f64::min)
     }
 
     fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
@@ -182,7 +206,7 @@ impl TrackSlip {
     }
 
     pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
-        if self.settings == TrackSettings::default() {
+        if self.settings.unequal == 0.0 && self.settings.slip == 0.0 {
             return wanted;
         }
         self.left = self.left.saturating_sub(dt);
@@ -206,6 +230,7 @@ mod tests {
     use std::f64::consts::PI;
 
     const TICK: Duration = Duration::from_millis(20);
+    const DEAD_ZONE: f64 = 5.5;
 
     fn obstacles() -> Obstacles {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\
@@ -216,8 +241,8 @@ mod tests {
     fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Chassis {
         let mut body = Chassis::new(from);
         let obstacles = obstacles();
-        body.set_target(Tracks::new(left, right).speeds());
-        (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
+        body.set_target(Tracks::new(left, right).speeds(DEAD_ZONE));
+        (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles, &[]));
         body
     }
 
@@ -233,8 +258,8 @@ mod tests {
     fn left_back_and_right_forward_turns_left_on_the_spot() {
         let mut body = Chassis::new(Pose::new(2.0, 3.0, 0.0));
         let obstacles = obstacles();
-        body.set_target(Tracks::new(-45, 45).speeds());
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        body.set_target(Tracks::new(-45, 45).speeds(DEAD_ZONE));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
         assert!(body.pose.point().distance(Pose::new(2.0, 3.0, 0.0).point()) < 1e-6);
     }
@@ -243,15 +268,15 @@ mod tests {
     fn speed_ramps_up_and_down() {
         let mut body = Chassis::new(Pose::new(1.0, 3.0, 0.0));
         let obstacles = obstacles();
-        body.set_target(Tracks::new(90, 90).speeds());
-        body.step(TICK, &obstacles);
+        body.set_target(Tracks::new(90, 90).speeds(DEAD_ZONE));
+        body.step(TICK, &obstacles, &[]);
         assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert_eq!(body.speeds(), Tracks::new(FULL_SPEED, FULL_SPEED));
         body.set_target(Tracks::default());
-        body.step(TICK, &obstacles);
+        body.step(TICK, &obstacles, &[]);
         assert!(body.speeds().left > FULL_SPEED / 2.0);
-        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
         assert_eq!(body.speeds(), Tracks::default());
     }
 
@@ -260,8 +285,8 @@ mod tests {
         let mut body = driven(Pose::new(5.0, 3.0, 0.0), 90, 90, 5);
         assert!(body.blocked() && body.collisions() == 1);
         assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
-        body.set_target(Tracks::new(-90, -90).speeds());
-        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        body.set_target(Tracks::new(-90, -90).speeds(DEAD_ZONE));
+        (0..100).for_each(|_| body.step(TICK, &obstacles(), &[]));
         assert!(body.pose.x < 5.5 && !body.blocked() && body.collisions() == 1);
     }
 
@@ -273,18 +298,18 @@ mod tests {
             "{:?}",
             body.pose
         );
-        body.set_target(Tracks::new(-45, 45).speeds());
-        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        body.set_target(Tracks::new(-45, 45).speeds(DEAD_ZONE));
+        (0..100).for_each(|_| body.step(TICK, &obstacles(), &[]));
         assert!(wrap(body.pose.heading).abs() > 0.5);
     }
 
     #[test]
     fn power_above_full_is_not_faster_and_tiny_power_does_not_move() {
         assert_eq!(
-            Tracks::new(127i8, -128).speeds(),
+            Tracks::new(127i8, -128).speeds(DEAD_ZONE),
             Tracks::new(FULL_SPEED, -FULL_SPEED)
         );
-        assert_eq!(Tracks::new(4i8, -4).speeds(), Tracks::default());
+        assert_eq!(Tracks::new(4i8, -4).speeds(DEAD_ZONE), Tracks::default());
         let turned = driven(Pose::new(1.0, 3.0, PI), 4, 4, 2);
         assert_eq!(turned.pose, Pose::new(1.0, 3.0, PI));
     }
@@ -302,6 +327,7 @@ mod tests {
         let settings = TrackSettings {
             unequal: 0.1,
             slip: 0.05,
+            ..TrackSettings::default()
         };
         assert_eq!(speeds(settings, 1), speeds(settings, 1));
         assert_ne!(speeds(settings, 1), speeds(settings, 2));

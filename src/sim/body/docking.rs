@@ -7,9 +7,12 @@ use std::f64::consts::PI;
 use std::time::Duration;
 
 use super::chassis::Tracks;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
-use crate::sim::world::station::Station;
+use crate::sim::world::station::{DockingSettings, Leaves, Station};
 
 /// The whole manoeuvre, search included, ends without success after this time.
 const DOCKING_LIMIT: Duration = Duration::from_secs(150);
@@ -23,6 +26,10 @@ const LEAVE_LIMIT: Duration = Duration::from_secs(6);
 const LEFT_AT: f64 = 0.40;
 /// Half the field of view of the infrared receiver, radians.
 const RECEIVER_VIEW: f64 = 0.6;
+/// Turning speed of a search, radians per second.
+const TURNING: f64 = 0.8;
+/// Speed of backing out and of backing off, metres per second.
+const BACKING: f64 = 0.15;
 /// Clearance between body and obstacles during the approach, metres.
 const MARGIN: f64 = 0.03;
 
@@ -30,10 +37,17 @@ pub(crate) struct DockingInputs<'a> {
     pub(crate) pose: Pose,
     pub(crate) station: &'a Station,
     pub(crate) obstacles: &'a Obstacles,
+    /// The beacon is on, and the sun does not dazzle the receivers.
     pub(crate) beacon: bool,
+    /// The robot is where the contacts are, but they do not touch.
+    pub(crate) missed: bool,
 }
 
 impl DockingInputs<'_> {
+    fn distance(&self) -> f64 {
+        self.pose.point().distance(self.station.beacon())
+    }
+
     fn in_light(&self) -> bool {
         self.beacon
             && self
@@ -44,6 +58,28 @@ impl DockingInputs<'_> {
     fn sees_beacon(&self) -> bool {
         self.in_light() && self.pose.bearing_of(self.station.beacon()).abs() < RECEIVER_VIEW
     }
+
+    /// Returns what the receivers hear: all that a robot without eyes for obstacles knows.
+    fn receivers(&self) -> Receivers {
+        let bearing = self.pose.bearing_of(self.station.beacon());
+        let hears = |least: f64, most: f64| self.in_light() && (least..most).contains(&bearing);
+        Receivers {
+            left: hears(0.08, 1.2),
+            front: hears(-0.25, 0.25),
+            right: hears(-1.2, -0.08),
+            loud: self.in_light() && self.distance() < 0.45,
+        }
+    }
+}
+
+/// Which receivers hear the beacon.
+#[derive(Debug, Clone, Copy)]
+struct Receivers {
+    left: bool,
+    front: bool,
+    right: bool,
+    /// As strong as directly in front of the station.
+    loud: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,8 +98,20 @@ enum DockingPhase {
     Searching,
     Approaching,
     Aligning,
-    Entering { since: Duration },
-    Leaving { since: Duration },
+    Entering {
+        since: Duration,
+    },
+    /// Drives towards the beacon by its receivers alone; `loud` for so long.
+    Homing {
+        loud: Duration,
+    },
+    /// Backs off after an entry without contact.
+    Retreating {
+        since: Duration,
+    },
+    Leaving {
+        since: Duration,
+    },
 }
 
 #[derive(Debug, Clone)]
@@ -72,6 +120,8 @@ pub(crate) struct Docking {
     search_limit: Duration,
     elapsed: Duration,
     unseen: Duration,
+    /// Number of entries without contact.
+    failed: u32,
 }
 
 impl Docking {
@@ -82,6 +132,7 @@ impl Docking {
             search_limit,
             elapsed: Duration::ZERO,
             unseen: Duration::ZERO,
+            failed: 0,
         }
     }
 
@@ -113,7 +164,19 @@ impl Docking {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    pub(crate) fn step(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+    pub(crate) fn step(&mut self, dt: Duration, mut inputs: DockingInputs<'_>) -> DockingStep {
+        let leaves = inputs.station.leaves;
+        inputs.pose.heading = leaves.turned(inputs.pose.heading);
+        match self.step_facing(dt, &inputs) {
+            DockingStep::Drive(speeds) if leaves == Leaves::Forward => {
+                DockingStep::Drive(Tracks::new(-speeds.right, -speeds.left))
+            }
+            step => step,
+        }
+    }
+
+    /// As if the robot docked with its front, whichever side it docks with.
+    fn step_facing(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, inputs) {
             self.stop();
             return DockingStep::NotFound;
@@ -124,13 +187,15 @@ impl Docking {
             DockingPhase::Approaching => self.approach(inputs),
             DockingPhase::Aligning => self.align(inputs),
             DockingPhase::Entering { since } => self.enter(since + dt, inputs),
+            DockingPhase::Homing { loud } => self.home(loud, dt, inputs.receivers()),
+            DockingPhase::Retreating { since } => self.retreat(since + dt, inputs),
             DockingPhase::Leaving { since } => self.back_out(since + dt, inputs),
         }
     }
 
     fn given_up(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> bool {
         let seen = match self.phase {
-            DockingPhase::Searching => inputs.sees_beacon(),
+            DockingPhase::Searching | DockingPhase::Homing { .. } => inputs.sees_beacon(),
             _ => inputs.in_light(),
         };
         self.elapsed += dt;
@@ -143,9 +208,14 @@ impl Docking {
     }
 
     fn search(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
-        const TURNING: f64 = 0.8;
         if inputs.sees_beacon() {
-            self.phase = DockingPhase::Approaching;
+            self.phase = if inputs.station.docking.sees_obstacles {
+                DockingPhase::Approaching
+            } else {
+                DockingPhase::Homing {
+                    loud: Duration::ZERO,
+                }
+            };
         }
         DockingStep::Drive(twist(0.0, TURNING))
     }
@@ -170,7 +240,7 @@ impl Docking {
     }
 
     fn align(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
-        let off = wrap(inputs.station.dock_pose().heading - inputs.pose.heading);
+        let off = wrap(inputs.station.inwards() - inputs.pose.heading);
         if off.abs() < 0.03 {
             self.phase = DockingPhase::Entering {
                 since: Duration::ZERO,
@@ -182,8 +252,12 @@ impl Docking {
     /// Drives slowly along the station's axis. `Robot` ends the manoeuvre when the contacts touch.
     fn enter(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         let (ahead, aside) = inputs.station.offset(inputs.pose);
-        let heading = inputs.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
+        let heading = inputs.station.inwards() + (3.0 * aside).clamp(-0.4, 0.4);
         let off = wrap(heading - inputs.pose.heading);
+        if inputs.missed {
+            self.back_off();
+            return DockingStep::Drive(Tracks::default());
+        }
         self.phase = if since > ENTER_LIMIT {
             DockingPhase::Approaching
         } else {
@@ -195,6 +269,59 @@ impl Docking {
         ))
     }
 
+    /// Drives towards the beacon, until it has been in front of the station for long enough to
+    /// touch the contacts.
+    fn home(&mut self, loud: Duration, dt: Duration, hears: Receivers) -> DockingStep {
+        const PRESS: Duration = Duration::from_secs(5);
+        let loud = if hears.loud { loud + dt } else { loud };
+        self.phase = DockingPhase::Homing { loud };
+        if loud > PRESS {
+            self.back_off();
+        } else if self.unseen > LOST_AFTER {
+            self.phase = DockingPhase::Searching;
+        }
+        let turning = f64::from(i8::from(hears.left) - i8::from(hears.right));
+        DockingStep::Drive(match (hears.front, hears.loud) {
+            (true, true) => twist(0.08, 0.2 * turning),
+            (true, false) => twist(0.2, 0.3 * turning),
+            (false, _) => twist(0.0, 0.6 * turning),
+        })
+    }
+
+    fn back_off(&mut self) {
+        self.failed += 1;
+        self.phase = DockingPhase::Retreating {
+            since: Duration::ZERO,
+        };
+    }
+
+    /// Backs off. A robot that has nothing but its receivers turns first, to the other side than
+    /// the last time and farther, so that it comes again from another direction.
+    fn retreat(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+        const BACK: Duration = Duration::from_secs(5);
+        let side = if self.failed.is_multiple_of(2) {
+            -1.0
+        } else {
+            1.0
+        };
+        let angle = if inputs.station.docking.sees_obstacles {
+            0.0
+        } else {
+            (0.4 * f64::from(self.failed)).min(1.2)
+        };
+        let turned_after = Duration::from_secs_f64(angle / TURNING);
+        self.phase = if since > turned_after + BACK {
+            DockingPhase::Searching
+        } else {
+            DockingPhase::Retreating { since }
+        };
+        DockingStep::Drive(if since < turned_after {
+            twist(0.0, side * TURNING)
+        } else {
+            twist(-BACKING, 0.0)
+        })
+    }
+
     fn back_out(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         let (ahead, _) = inputs.station.offset(inputs.pose);
         if ahead >= LEFT_AT || since > LEAVE_LIMIT {
@@ -202,7 +329,7 @@ impl Docking {
             return DockingStep::Left;
         }
         self.phase = DockingPhase::Leaving { since };
-        DockingStep::Drive(twist(-0.15, 0.0))
+        DockingStep::Drive(twist(-BACKING, 0.0))
     }
 }
 
@@ -241,14 +368,34 @@ pub(super) struct Contacts {
     pub(super) beacon: bool,
     /// The station charges when the contacts touch.
     pub(super) charger_works: bool,
+    settings: DockingSettings,
+    random: StdRng,
+    /// The robot has entered without contact and not yet left the contacts' place.
+    missed: bool,
+    /// The sun dazzles the receivers, and for how long that stays as it is.
+    dazzled: bool,
+    dazzle_left: Duration,
     /// How long the contacts have touched, and after how long the station ends charging.
     touched_for: Duration,
     charger_time: Option<Duration>,
 }
 
 impl Contacts {
-    pub(super) fn new(touching: bool, charger_hours: Option<f64>) -> Contacts {
+    /// For how long the sun dazzles the receivers, or does not, before that is drawn again.
+    const DAZZLE_PERIOD: Duration = Duration::from_secs(2);
+
+    pub(super) fn new(
+        settings: DockingSettings,
+        touching: bool,
+        charger_hours: Option<f64>,
+        seed: u64,
+    ) -> Contacts {
         Contacts {
+            settings,
+            random: StdRng::seed_from_u64(seed ^ 0x0063_6f6e_7461_6374),
+            missed: false,
+            dazzled: false,
+            dazzle_left: Duration::ZERO,
             touching,
             docked: touching,
             beacon: true,
@@ -260,6 +407,15 @@ impl Contacts {
 
     pub(super) fn touching(&self) -> bool {
         self.touching
+    }
+
+    pub(super) fn missed(&self) -> bool {
+        self.missed
+    }
+
+    /// Whether receivers in its light hear the beacon.
+    pub(super) fn hears_beacon(&self) -> bool {
+        self.beacon && !self.dazzled
     }
 
     /// Whether the robot is docked; while it backs out, true until it has left the station.
@@ -275,6 +431,11 @@ impl Contacts {
     }
 
     pub(super) fn step(&mut self, dt: Duration) {
+        self.dazzle_left = self.dazzle_left.saturating_sub(dt);
+        if self.dazzle_left.is_zero() {
+            self.dazzle_left = Contacts::DAZZLE_PERIOD;
+            self.dazzled = self.random.random_bool(self.settings.dazzled);
+        }
         self.touched_for = if self.touching {
             self.touched_for + dt
         } else {
@@ -282,8 +443,15 @@ impl Contacts {
         };
     }
 
-    pub(super) fn update(&mut self, station: &Station, pose: Pose) {
-        self.touching = station.touched(pose, self.touching);
+    /// `entering` tells whether the robot's own docking brings it here.
+    pub(super) fn update(&mut self, station: &Station, pose: Pose, entering: bool) {
+        let there = station.touched(pose, self.touching || self.missed);
+        if !there {
+            self.missed = false;
+        } else if entering && !self.touching && !self.missed {
+            self.missed = !self.random.random_bool(self.settings.success);
+        }
+        self.touching = there && !self.missed;
     }
 
     /// Returns whether the robot is docked, if that has changed since the last call.
@@ -317,13 +485,14 @@ mod tests {
                 station,
                 obstacles: &obstacles,
                 beacon,
+                missed: false,
             };
-            match docking.step(TICK, &inputs) {
+            match docking.step(TICK, inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
             }
-            body.step(TICK, &obstacles);
+            body.step(TICK, &obstacles, &[]);
             if station.touched(body.pose, false) {
                 return (f64::from(step) / 50.0, true);
             }
@@ -377,15 +546,16 @@ mod tests {
                 station,
                 obstacles: &obstacles,
                 beacon: true,
+                missed: false,
             };
-            match docking.step(TICK, &inputs) {
+            match docking.step(TICK, inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 end => {
                     assert_eq!(end, DockingStep::Left);
                     break;
                 }
             }
-            body.step(TICK, &obstacles);
+            body.step(TICK, &obstacles, &[]);
         }
         assert!(!docking.leaving() && station.offset(body.pose).0 >= LEFT_AT);
         assert_eq!(body.collisions(), 0);

@@ -172,7 +172,7 @@ fn floor_texture(world: &World) -> Texture {
         let colours = (0..count[1]).map(|column| floor((column as f32 + 0.5) / scale[1], y));
         pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
     }
-    draw_tapes(&world.lines, pixels.as_flattened_mut(), count, scale);
+    draw_tapes(&world.strips(), pixels.as_flattened_mut(), count, scale);
     let shadows = Shadows::new(world, &world.fixed_obstacles());
     for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
         let y = (row as f32 + 0.5) / scale[0];

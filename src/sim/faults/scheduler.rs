@@ -53,6 +53,8 @@ struct ScheduledFault {
 
 pub(crate) struct FaultScheduler {
     scheduled: Vec<ScheduledFault>,
+    /// What the radio does where the robot is, as a fault of the network.
+    radio: Option<FaultKind>,
     active_faults: watch::Sender<ActiveFaults>,
     beginnings: broadcast::Sender<Fault>,
     rng: StdRng,
@@ -65,6 +67,7 @@ impl FaultScheduler {
         FaultScheduler {
             unacknowledged,
             scheduled: Vec::new(),
+            radio: None,
             active_faults: watch::Sender::default(),
             beginnings: broadcast::Sender::new(MAX_UNREAD),
             rng: StdRng::seed_from_u64(seed),
@@ -80,10 +83,25 @@ impl FaultScheduler {
     /// Ends all faults; returns those that were active, so that the robot can be updated.
     pub(crate) fn clear(&mut self) -> Vec<(FaultKind, Transition)> {
         let all = std::mem::take(&mut self.scheduled);
-        self.active_faults.send_replace(ActiveFaults::default());
+        self.publish();
         let on = all.into_iter().filter(|scheduled| scheduled.on);
         on.map(|scheduled| (scheduled.fault.kind, Transition::Ends))
             .collect()
+    }
+
+    /// Sets what the radio does where the robot is now.
+    pub(crate) fn set_radio(&mut self, radio: Option<FaultKind>) {
+        if self.radio != radio {
+            self.radio = radio;
+            self.publish();
+        }
+    }
+
+    fn publish(&mut self) {
+        let on = self.scheduled.iter().filter(|scheduled| scheduled.on);
+        let faults = on.map(|scheduled| scheduled.fault);
+        let active_faults = ActiveFaults::new(faults.chain(self.radio.map(Fault::new)));
+        self.active_faults.send_replace(active_faults);
     }
 
     pub(crate) fn feed(&mut self) -> FaultFeed {
@@ -114,9 +132,7 @@ impl FaultScheduler {
             }
         }
         if !transitions.is_empty() {
-            let on = self.scheduled.iter().filter(|scheduled| scheduled.on);
-            let active_faults = ActiveFaults::new(on.map(|scheduled| scheduled.fault));
-            self.active_faults.send_replace(active_faults);
+            self.publish();
             self.scheduled
                 .retain(|scheduled| !scheduled.timing.is_over());
         }

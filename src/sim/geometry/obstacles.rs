@@ -20,6 +20,33 @@ impl Circle {
     }
 }
 
+/// An edge on the floor over which a robot can drive with enough power.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Bump {
+    pub(crate) edge: Segment,
+    /// Metres.
+    pub(crate) height: f64,
+}
+
+impl Bump {
+    /// What no power climbs, metres. A lower edge needs power in proportion to its height.
+    const UNCLIMBABLE: f64 = 0.04;
+
+    /// Returns which share of its way a body of `radius` gets from `a` to `b` at a share of its
+    /// full power.
+    pub(crate) fn passed(&self, a: Point, b: Point, radius: f64, power: f64) -> f64 {
+        let before = self.edge.distance(a);
+        if before >= radius {
+            return 1.0;
+        }
+        let needed = self.height / Bump::UNCLIMBABLE;
+        if power < needed && self.edge.distance(b) < before {
+            return 0.0;
+        }
+        1.0 - needed
+    }
+}
+
 /// Something that a robot can run into; the number is its index in the world's list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Obstacle {

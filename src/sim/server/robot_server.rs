@@ -21,6 +21,7 @@ use crate::sim::faults::proxy::Breaker;
 use crate::sim::faults::scheduler::{FaultScheduler, Transition};
 use crate::sim::faults::{Fault, FaultKind, proxy};
 use crate::sim::geometry::Pose;
+use crate::sim::world::wifi::Radio;
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 /// The physics time step.
@@ -47,7 +48,8 @@ pub(crate) struct RobotServer {
     connections: JoinSet<()>,
     started: Instant,
     stepped: Instant,
-    /// `None` if faults are disabled; clients are then served without the proxy.
+    /// `None` if faults are disabled and the network reaches everywhere; clients are then served
+    /// without the proxy.
     scheduler: Option<FaultScheduler>,
     rebooting: bool,
     refusing: Option<Refusal>,
@@ -66,8 +68,8 @@ impl RobotServer {
         events: mpsc::Sender<Event>,
     ) -> RobotServer {
         let now = Instant::now();
+        let proxied = options.faults.is_some() || robot.world().wifi.is_some();
         RobotServer {
-            robot,
             clients: Clients::default(),
             queue: CommandQueue::new(&options.firmware, now),
             login: options.login.clone(),
@@ -79,8 +81,12 @@ impl RobotServer {
             connections: JoinSet::new(),
             started: now,
             stepped: now,
-            scheduler: (options.faults.as_ref())
-                .map(|_| FaultScheduler::new(options.seed, options.unacknowledged)),
+            scheduler: if proxied {
+                Some(FaultScheduler::new(options.seed, options.unacknowledged))
+            } else {
+                None
+            },
+            robot,
             rebooting: false,
             refusing: None,
             slides_after: None,
@@ -99,6 +105,11 @@ impl RobotServer {
 
     pub(crate) fn is_rebooting(&self) -> bool {
         self.rebooting
+    }
+
+    /// Whether datagrams get to the robot and back.
+    pub(crate) fn is_in_range(&self) -> bool {
+        self.robot.radio() != Radio::OutOfRange
     }
 
     /// Frees the task of an ended connection; pending while there are no connections.
@@ -130,6 +141,7 @@ impl RobotServer {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
+        self.update_radio();
         for client in self.clients.overdue(now) {
             self.disconnect(client);
         }
@@ -216,6 +228,25 @@ impl RobotServer {
         self.apply_transitions(transitions);
     }
 
+    /// Lets the network do what the Wi-Fi does where the robot is.
+    fn update_radio(&mut self) {
+        /// The most that repeating lost packets delays what is sent, at the edge of the range.
+        const LATEST: Duration = Duration::from_millis(1000);
+        /// Steps of the delay, so that a robot that drives does not change it all the time.
+        const STEPS: f64 = 20.0;
+        let Some(scheduler) = &mut self.scheduler else {
+            return;
+        };
+        scheduler.set_radio(match self.robot.radio() {
+            Radio::Good => None,
+            Radio::Weak(share) => Some(FaultKind::Delay {
+                by: Duration::ZERO,
+                jitter: LATEST.mul_f64((share * STEPS).ceil() / STEPS),
+            }),
+            Radio::OutOfRange => Some(FaultKind::HalfOpen),
+        });
+    }
+
     /// Applies faults that begin or end to the robot; the proxy handles those of the byte stream.
     fn apply_transitions(&mut self, transitions: Vec<(FaultKind, Transition)>) {
         for (kind, transition) in transitions {
@@ -272,8 +303,9 @@ impl RobotServer {
             .is_some_and(|after| self.docked_for > after)
         {
             let Pose { x, y, heading } = self.robot.state().pose;
-            let x = x - SLIDE * heading.cos();
-            let y = y - SLIDE * heading.sin();
+            let away = self.robot.world().station.leaves.directed(-SLIDE);
+            let x = x + away * heading.cos();
+            let y = y + away * heading.sin();
             self.robot.place(Pose::new(x, y, heading));
         }
     }

@@ -3,13 +3,14 @@
 
 use super::World;
 use super::objects::Route;
-use crate::sim::geometry::obstacles::{Circle, Obstacles};
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 
 pub(crate) struct Environment {
     /// The world in its initial state.
     pub(crate) world: World,
     pub(crate) obstacles: Obstacles,
+    pub(crate) bumps: Vec<Bump>,
     dynamics: Dynamics,
 }
 
@@ -17,6 +18,7 @@ impl Environment {
     pub(crate) fn new(world: World) -> Environment {
         Environment {
             obstacles: world.obstacles(),
+            bumps: world.bumps(),
             dynamics: Dynamics::new(&world),
             world,
         }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Deserializer};
 
+use super::fixtures::Tape;
+use crate::sim::geometry::obstacles::Bump;
 use crate::sim::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
 use crate::sim::yaml::number;
 use crate::yaml;
@@ -92,6 +94,25 @@ pub struct Rug {
     pub depth: f64,
     /// Its colour.
     pub colour: Paint,
+    /// Height of its edge, metres: it slows a robot, or blocks one with little power.
+    #[serde(default, deserialize_with = "number::bump")]
+    pub height: f64,
+}
+
+/// A bar on the floor, as in a doorway: it slows a robot, or blocks one with little power.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sill {
+    /// One of its ends.
+    pub from: Spot,
+    /// The other one.
+    pub to: Spot,
+    /// Height in metres.
+    #[serde(deserialize_with = "number::bump")]
+    pub height: f64,
+    /// Its colour.
+    #[serde(default = "sill_paint")]
+    pub colour: Paint,
 }
 
 /// A ball on the floor.
@@ -148,6 +169,10 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
+    pub(super) fn stands_between(&self, a: Point, b: Point) -> bool {
+        self.sides().iter().any(|side| side.crosses(a, b))
+    }
+
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let from = self.from.point();
         let to = self.to.point();
@@ -158,6 +183,44 @@ impl Wall {
             self.thickness,
             from.direction_of(to),
         )
+    }
+}
+
+impl Sill {
+    /// How wide it looks, metres.
+    const WIDTH: f64 = 0.04;
+
+    pub(super) fn bump(&self) -> Bump {
+        Bump {
+            edge: Segment {
+                from: self.from.point(),
+                to: self.to.point(),
+            },
+            height: self.height,
+        }
+    }
+
+    /// Returns the strip of the floor that it covers.
+    pub(super) fn strip(&self) -> Tape {
+        Tape {
+            through: vec![self.from, self.to],
+            width: Sill::WIDTH,
+            colour: self.colour,
+            rounding: 0.0,
+            closed: false,
+        }
+    }
+}
+
+impl Rug {
+    pub(super) fn bumps(&self) -> impl Iterator<Item = Bump> {
+        let sides = rectangle(self.at.point(), self.width, self.depth, 0.0);
+        let height = self.height;
+        sides.into_iter().map(move |edge| Bump { edge, height })
+    }
+
+    pub(crate) fn covers(&self, place: Point) -> bool {
+        in_rectangle(place, self.at.point(), self.width, self.depth, 0.0)
     }
 }
 
@@ -192,6 +255,10 @@ fn wall_thickness() -> f64 {
 
 fn ball_radius() -> f64 {
     0.1
+}
+
+fn sill_paint() -> Paint {
+    Paint([112, 74, 44])
 }
 
 fn post_radius() -> f64 {

@@ -22,6 +22,21 @@ pub struct BatterySettings {
     /// Charge on the station, percent per minute.
     #[serde(deserialize_with = "number::percent_per_minute")]
     pub charge_per_minute: f64,
+    /// What the robot reports as its level.
+    pub power: PowerReading,
+}
+
+/// What the robot reports as its level.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PowerReading {
+    /// The share of the energy that is left.
+    #[default]
+    Percent,
+    /// The voltage of a NiMH battery, as a share of its range: flat in the middle, with a cliff at
+    /// the end; it sags while the tracks run and jumps up while it charges. The energy itself
+    /// drains as with `percent`.
+    Voltage,
 }
 
 impl Default for BatterySettings {
@@ -31,6 +46,7 @@ impl Default for BatterySettings {
             idle_drain_per_minute: 0.4,
             driving_drain_per_minute: 1.2,
             charge_per_minute: 0.8,
+            power: PowerReading::Percent,
         }
     }
 }
@@ -193,8 +209,8 @@ fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 4]
     }
 }
 
-/// How much the tracks differ and slip. By default they are perfect.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+/// How the tracks follow their commands, differ and slip. By default they are perfect.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackSettings {
     /// Maximum share by which each track is slower than commanded; the seed determines the actual
@@ -205,4 +221,54 @@ pub struct TrackSettings {
     /// regularly.
     #[serde(deserialize_with = "number::slip")]
     pub slip: f64,
+    /// Percent of full power below which a track stands. The robot's own manoeuvres are not
+    /// affected.
+    #[serde(deserialize_with = "number::dead_zone")]
+    pub dead_zone: f64,
+    /// Which share of its speed the robot reaches.
+    pub response: TrackResponse,
+}
+
+impl Default for TrackSettings {
+    fn default() -> TrackSettings {
+        TrackSettings {
+            unequal: 0.0,
+            slip: 0.0,
+            dead_zone: 5.5,
+            response: TrackResponse::default(),
+        }
+    }
+}
+
+/// Which share of its speed the robot reaches; by default all of it.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrackResponse {
+    /// With an empty battery; more as the level rises, all of it with a full one.
+    #[serde(deserialize_with = "number::response")]
+    pub empty: f64,
+    /// On the room's floor.
+    #[serde(deserialize_with = "number::response")]
+    pub floor: f64,
+    /// On rugs.
+    #[serde(deserialize_with = "number::response")]
+    pub rug: f64,
+}
+
+impl Default for TrackResponse {
+    fn default() -> TrackResponse {
+        TrackResponse {
+            empty: 1.0,
+            floor: 1.0,
+            rug: 1.0,
+        }
+    }
+}
+
+impl TrackResponse {
+    /// Returns the share at a battery level of 0 to 100 percent.
+    pub(crate) fn share(self, percent: f64, on_rug: bool) -> f64 {
+        let ground = if on_rug { self.rug } else { self.floor };
+        ground * (self.empty + (1.0 - self.empty) * percent / 100.0)
+    }
 }

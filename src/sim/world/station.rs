@@ -1,5 +1,5 @@
 //! The charging station: its place, the pose of a docked robot, and the range of its infrared
-//! beacon. The robot drives onto it forwards and leaves it backwards.
+//! beacon.
 
 use std::f64::consts::PI;
 
@@ -48,7 +48,7 @@ const CONTACT_OPENS: Contact = Contact {
 pub struct Station {
     /// The centre of its back, usually at a wall.
     pub at: Spot,
-    /// The direction into the room, degrees, in which a robot leaves, driving backwards.
+    /// The direction into the room, degrees, in which a robot leaves.
     #[serde(deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
     /// Range of the beacon, metres.
@@ -57,6 +57,74 @@ pub struct Station {
     /// Half the beam width of the beacon, to each side of the heading, degrees.
     #[serde(default = "beacon_degrees", deserialize_with = "number::degrees")]
     pub beacon_degrees: f64,
+    /// How well the robot finds the contacts.
+    #[serde(default)]
+    pub docking: DockingSettings,
+    /// How the robot drives when it leaves.
+    #[serde(default)]
+    pub leaves: Leaves,
+}
+
+/// How the robot drives when it leaves its station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Leaves {
+    /// On its station it faces it.
+    #[default]
+    Backward,
+    /// On its station it has its back to it, and its receivers are at its back: it also searches
+    /// and enters backwards.
+    Forward,
+}
+
+impl Leaves {
+    /// Returns the heading of a robot whose front or back, whichever it docks with, points in
+    /// this direction; or that direction for a robot with this heading. Radians.
+    pub(crate) fn turned(self, angle: f64) -> f64 {
+        match self {
+            Leaves::Backward => angle,
+            Leaves::Forward => wrap(angle + PI),
+        }
+    }
+
+    /// Returns the speed ahead, metres per second, of a robot that drives with this speed towards
+    /// where it docks.
+    pub(crate) fn directed(self, speed: f64) -> f64 {
+        match self {
+            Leaves::Backward => speed,
+            Leaves::Forward => -speed,
+        }
+    }
+}
+
+/// How well the robot finds the contacts; by default from everywhere in the beacon's light.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DockingSettings {
+    /// Distance within which the robot's receivers hear the beacon, metres.
+    #[serde(deserialize_with = "number::reach")]
+    pub range: f64,
+    /// Share of the entries that make contact; after another one the robot backs off and tries
+    /// again, until its time for docking is over.
+    #[serde(deserialize_with = "number::chance")]
+    pub success: f64,
+    /// The robot knows where it is and drives around obstacles. Otherwise it has its receivers
+    /// only, drives straight towards the beacon and pushes against what is in its way.
+    pub sees_obstacles: bool,
+    /// Share of the time in which the receivers hear nothing, as in sunlight.
+    #[serde(deserialize_with = "number::chance")]
+    pub dazzled: f64,
+}
+
+impl Default for DockingSettings {
+    fn default() -> DockingSettings {
+        DockingSettings {
+            range: 50.0,
+            success: 1.0,
+            sees_obstacles: true,
+            dazzled: 0.0,
+        }
+    }
 }
 
 impl Station {
@@ -65,19 +133,24 @@ impl Station {
         self.heading_degrees.to_radians()
     }
 
-    /// Returns the pose of a docked robot, facing the station.
+    /// Returns the pose of a docked robot.
     pub fn dock_pose(&self) -> Pose {
-        self.facing(DEPTH + GAP + RADIUS)
+        self.in_front(DEPTH + GAP + RADIUS)
     }
 
     /// Returns the pose at which the final, straight approach begins.
     pub fn staging_pose(&self) -> Pose {
-        self.facing(DEPTH + GAP + RADIUS + STAGING)
+        self.in_front(DEPTH + GAP + RADIUS + STAGING)
     }
 
-    fn facing(&self, distance: f64) -> Pose {
+    fn in_front(&self, distance: f64) -> Pose {
         let point = self.at.point().ahead(self.heading(), distance);
-        Pose::at(point, wrap(self.heading() + PI))
+        Pose::at(point, self.leaves.turned(self.inwards()))
+    }
+
+    /// Returns the direction towards the station, in which robots enter it, radians.
+    pub(crate) fn inwards(&self) -> f64 {
+        wrap(self.heading() + PI)
     }
 
     /// Returns the corners of its footprint.
@@ -95,6 +168,11 @@ impl Station {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
 
+    /// Returns the distance up to which a robot hears the beacon, metres.
+    pub(crate) fn range(&self) -> f64 {
+        self.beacon_range.min(self.docking.range)
+    }
+
     /// Whether a robot at `point` is in the beam, in range and in the line of sight of the beacon.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
@@ -102,9 +180,7 @@ impl Station {
         let off_axis = wrap(beacon.direction_of(point) - self.heading()).abs();
         let in_cone = off_axis <= self.beacon_degrees.abs().to_radians();
         let near = distance <= GLOW && off_axis <= PI / 2.0;
-        distance <= self.beacon_range
-            && (in_cone || near)
-            && obstacles.has_line_of_sight(beacon, point)
+        distance <= self.range() && (in_cone || near) && obstacles.has_line_of_sight(beacon, point)
     }
 
     /// Returns the robot's distance in front of the contacts along the station's axis, and its

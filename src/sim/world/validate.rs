@@ -43,6 +43,7 @@ fn check_counts(world: &World) -> Result<(), ValidationError> {
         ("walls", world.walls.len()),
         ("furniture", world.furniture.len()),
         ("rugs", world.rugs.len()),
+        ("sills", world.sills.len()),
         ("balls", world.balls.len()),
         ("posts", world.posts.len()),
         ("lines", world.lines.len()),
@@ -136,17 +137,30 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
     Err(ValidationError { path, message })
 }
 
-/// Returns every place that must be in the room, with its path in the document.
-fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
+/// Returns the places outside lists that must be in the room, with their paths.
+fn single_spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     let station = world.station.at.point();
     let mut spots = vec![(vec![Key("station"), Key("at")], station)];
+    if let Some(wifi) = world.wifi {
+        spots.push((vec![Key("wifi"), Key("at")], wifi.at.point()));
+    }
     if let Some(start) = world.start {
         spots.push((vec![Key("start"), Key("at")], start.at.point()));
     }
+    spots
+}
+
+/// Returns every place that must be in the room, with its path in the document.
+fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
+    let mut spots = single_spots(world);
     let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
     for (index, wall) in world.walls.iter().enumerate() {
         add(&[Key("walls"), Index(index), Key("from")], wall.from);
         add(&[Key("walls"), Index(index), Key("to")], wall.to);
+    }
+    for (index, sill) in world.sills.iter().enumerate() {
+        add(&[Key("sills"), Index(index), Key("from")], sill.from);
+        add(&[Key("sills"), Index(index), Key("to")], sill.to);
     }
     let lists: [(&'static str, Vec<Spot>); 8] = [
         (

@@ -55,6 +55,8 @@ ranges! {
     coordinate = 0.0..=30.0, "metres";
     /// Height of a thing.
     height = 0.25..=5.0, "metres";
+    /// Height of a rug's edge or of a sill.
+    bump = 0.0..=0.03, "metres";
     /// Length or width of furniture.
     side = 0.02..=10.0, "metres";
     thickness = 0.02..=0.5, "metres";
@@ -74,7 +76,7 @@ ranges! {
     percent = 0.0..=100.0, "percent";
     percent_per_minute = 0.0..=6000.0, "percent a minute";
     frames = 1.0..=60.0, "frames a second";
-    /// Range of the station's beacon.
+    /// Range of the station's beacon, or of the Wi-Fi.
     reach = 0.0..=50.0, "metres";
     /// Width of a line on the floor.
     tape = 0.005..=0.3, "metres";
@@ -89,6 +91,10 @@ ranges! {
     moment = 0.0..=2.0, "seconds";
     /// Share by which tracks differ or slip.
     slip = 0.0..=0.5, "1 is all";
+    /// Least power that moves a track.
+    dead_zone = 0.0..=90.0, "percent of full power";
+    /// Share of its speed that a robot reaches.
+    response = 0.1..=1.0, "1 is all";
     /// A time or duration of a fault, of a schedule or of the firmware.
     span = 0.0..=86_400.0, "seconds";
     hours = 0.01..=100.0, "hours";
