@@ -333,7 +333,7 @@ const TWO_ROOMS: &str = "
 ";
 
 #[test]
-fn the_way_on_the_map_leads_through_the_doorway_and_ends_where_all_is_known() {
+fn the_way_on_the_map_leads_through_the_doorway_until_that_is_given_up() {
     let rig = lasting(
         1.0,
         &format!(
@@ -341,16 +341,15 @@ fn the_way_on_the_map_leads_through_the_doorway_and_ends_where_all_is_known() {
              local way = map.way(enter(2, 1.5, 1), nothing)
              print(math.abs(way.heading) < 0.3, way.distance > 1.5)
              map.give_up(way.target)
-             print(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing) == nil)
+             local other = map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing)
+             print(other == nil or math.abs(other.heading) > 0.5)
              map.doubt()
-             print(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing) ~= nil)
-             enter(3.8, 1.5, 0)
-             print(map.way(enter(6, 1.5, 2), nothing) == nil)
+             print(math.abs(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing).heading) < 0.3)
              map.forget()
-             print(map.way({{ x = 6, y = 1.5, heading = 2 }}, nothing) == nil)"
+             print(map.way({{ x = 2, y = 1.5, heading = 1 }}, nothing))"
         ),
     );
-    assert_eq!(rig.texts(), ["true true", "true", "true", "true", "true"]);
+    assert_eq!(rig.texts(), ["true true", "true", "true", "nil"]);
 }
 
 #[test]
@@ -377,11 +376,11 @@ fn the_compass_finds_the_period_of_an_even_turn_from_what_looks_the_same() {
     let rig = lasting(
         1.0,
         "local compass = require('@spykee/compass')
-         local function views(period, measured)
+         local function views(period, measured, direction)
              local list = {}
              for number = 0, 200 do
                  local at = number * 0.1
-                 local angle, profile = 2 * math.pi * at / period, {}
+                 local angle, profile = direction * 2 * math.pi * at / period, {}
                  for place = -18, 18 do
                      local there = angle + place * math.rad(1.5)
                      table.insert(profile, 0.5 + 0.2 * math.sin(3 * there) + 0.2 * math.sin(7 * there + 1))
@@ -390,8 +389,8 @@ fn the_compass_finds_the_period_of_an_even_turn_from_what_looks_the_same() {
              end
              return list
          end
-         print(math.abs(compass.period(views(7.85, 1.09)) - 7.85) < 0.05)
-         print(math.abs(compass.period(views(7.85, -1.02)) - 7.85) < 0.05)
+         print(math.abs(compass.period(views(7.85, 1.09, 1)) - 7.85) < 0.05)
+         print(math.abs(compass.period(views(7.85, 1.02, -1)) - 7.85) < 0.05)
          print(compass.period({}))",
     );
     assert_eq!(rig.texts(), ["true", "true", "nil"]);
