@@ -60,9 +60,12 @@ pub fn observed(seed: u64, sim: spykee::sim::Options) -> (simulation::Options, E
     (options, Events(Mutex::new(events)))
 }
 
+/// The YAML of [`two_rooms`].
+pub const TWO_ROOMS: &str = include_str!("soak/world.yaml");
+
 /// The world in which robots are alone for weeks and are rescued: two rooms, a small battery.
 pub fn two_rooms() -> World {
-    World::from_yaml(include_str!("soak/world.yaml"), "soak").unwrap()
+    World::from_yaml(TWO_ROOMS, "soak").unwrap()
 }
 
 /// Begins a fault of the simulator; `SECONDS` stands for how long it lasts.

@@ -30,6 +30,7 @@ pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape}
 pub use world::objects::{
     Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
 };
+pub use world::preset::Preset;
 pub use world::settings::{
     BatterySettings, CameraSettings, PowerReading, TrackResponse, TrackSettings,
 };

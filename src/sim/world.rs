@@ -4,6 +4,7 @@
 pub(crate) mod dynamics;
 pub(crate) mod fixtures;
 pub(crate) mod objects;
+pub(crate) mod preset;
 pub(crate) mod settings;
 pub(crate) mod station;
 pub(crate) mod station_distances;
@@ -16,6 +17,7 @@ use serde::Deserialize;
 
 use self::fixtures::{Lamp, Noise, Sign, Tape};
 use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall};
+use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
 use self::wifi::Wifi;
@@ -57,6 +59,9 @@ pub struct World {
     /// The world's name.
     #[serde(default)]
     pub name: String,
+    /// What the robot is like where this world does not say it.
+    #[serde(default)]
+    pub preset: Preset,
     /// The four outer walls and the floor.
     pub room: Room,
     /// Inner walls, as high as the room.
@@ -224,7 +229,11 @@ impl World {
 
     /// Parses a world; `name` is the name of the text in errors, usually its file name.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
-        let world: World = yaml::read(text, name)?;
+        let mut world: World = yaml::read(text, name)?;
+        let preset = world.preset;
+        preset
+            .complete(&mut world, text)
+            .map_err(|error| yaml::error(&error, name))?;
         validate::check(&world).map_err(|error| {
             DocumentError::invalid(name, yaml::find(text, &error.path), error.message)
         })?;

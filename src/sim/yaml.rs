@@ -142,8 +142,12 @@ pub(crate) fn find(text: &str, path: &[Step]) -> [usize; 2] {
 pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
     yaml::examine(text)
         .map_err(|no| DocumentError::invalid(name, [no.line, no.column], no.what))?;
-    serde_yaml::from_str(text)
-        .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
+    serde_yaml::from_str(text).map_err(|found| error(&found, name))
+}
+
+/// Returns an error of the parser in the text `name`.
+pub(crate) fn error(error: &serde_yaml::Error, name: &str) -> DocumentError {
+    DocumentError::invalid(name, place_of(error), explain(error))
 }
 
 /// Returns line and column, from 1, of an error; without them, the document's start.

@@ -90,6 +90,9 @@ struct RescueArgs {
     /// Only this world
     #[arg(long)]
     world: Option<Name>,
+    /// What the robots are like: see behaviours/worlds/README.md
+    #[arg(long, default_value = "exact", value_parser = ["exact", "genuine"])]
+    preset: String,
     /// Only this strategy
     #[arg(long)]
     strategy: Option<Strategy>,
@@ -261,7 +264,8 @@ fn run_rescue(args: &RescueArgs) -> bool {
     let strategies = args.strategy.map_or(all.to_vec(), |one| vec![one]);
     let mut rows = Vec::new();
     for world in worlds {
-        let cases = Case::draw(world, args.starts as usize, args.driven, args.seed);
+        let starts = args.starts as usize;
+        let cases = Case::draw(world, &args.preset, starts, args.driven, args.seed);
         let row = |strategy: &Strategy| row(args, world, &cases, *strategy);
         rows.extend(strategies.iter().map(row));
     }

@@ -11,13 +11,13 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::agent::Behaviour;
 use spykee::safety::{Limits, Rescue};
-use spykee::sim::{Point, Pose, RADIUS, State, StationDistances, World};
+use spykee::sim::{BatterySettings, Point, Pose, RADIUS, State, StationDistances, World};
 use spykee::simulation::{Event, EventKind, Recorder, Simulation};
 use spykee::{script, simulation};
 use tokio::time::{sleep, timeout};
 
 use super::flats::flat;
-use super::{behaviour, in_parallel, two_rooms};
+use super::{TWO_ROOMS, behaviour, in_parallel, two_rooms};
 
 const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");
 const GALLERY: &str = include_str!("../../behaviours/worlds/gallery.yaml");
@@ -94,16 +94,21 @@ pub struct Place {
 
 impl Place {
     /// In the living room robots start in the second room, in tight spots beside a wall or a thing, and
-    /// elsewhere in the third of the floor that is farthest from the station. `seed` is that of the flat.
-    pub fn new(name: Name, seed: u64) -> Place {
-        let read = |text| World::from_yaml(text, name.text()).unwrap();
-        let mut world = match name {
-            Name::LivingRoom | Name::TightSpots => two_rooms(),
-            Name::Classroom => read(CLASSROOM),
-            Name::Gallery => read(GALLERY),
-            Name::Flats => flat(seed).world,
+    /// elsewhere in the third of the floor that is farthest from the station. `seed` is that of the flat,
+    /// `preset` the world's key of this name.
+    pub fn new(name: Name, seed: u64, preset: &str) -> Place {
+        let text = match name {
+            Name::LivingRoom | Name::TightSpots => TWO_ROOMS,
+            Name::Classroom => CLASSROOM,
+            Name::Gallery => GALLERY,
+            Name::Flats => &flat(seed).yaml,
         };
-        world.battery = two_rooms().battery;
+        let text = format!("preset: {preset}\n{text}");
+        let mut world = World::from_yaml(&text, name.text()).unwrap();
+        world.battery = BatterySettings {
+            power: world.battery.power,
+            ..two_rooms().battery
+        };
         let distances = StationDistances::new(&world);
         let (least_x, least_way) = match name {
             Name::LivingRoom => (SECOND_ROOM, 0.0),
@@ -212,9 +217,9 @@ pub struct Case {
 
 impl Case {
     /// So many robots, the same for the same seed.
-    pub fn draw(name: Name, count: usize, driven: bool, seed: u64) -> Vec<Case> {
+    pub fn draw(name: Name, preset: &str, count: usize, driven: bool, seed: u64) -> Vec<Case> {
         let draw = |count, seed| {
-            let place = Place::new(name, seed);
+            let place = Place::new(name, seed, preset);
             let starts = if driven {
                 place.drives(count, seed)
             } else {
