@@ -12,6 +12,7 @@ use tokio::io::{AsyncRead, AsyncWrite, DuplexStream, ReadBuf};
 use tokio::net::UdpSocket;
 use tokio::time::timeout;
 
+use super::camera_truth::{Statistics, frames_in, simulated};
 use super::sim::*;
 
 /// A pipe that records each write of the robot separately.
@@ -218,4 +219,46 @@ fn bearings_are_within_a_degree_all_over_the_picture() {
         }
     }
     assert!(seen > 110, "{seen}");
+}
+
+#[test]
+fn statistics_of_frames_are_told_for_worlds_and_for_folders() {
+    let frames = simulated(playpen());
+    assert_eq!(frames.len(), 12);
+    let folder = tempfile::tempdir().unwrap();
+    for (number, frame) in frames.iter().enumerate() {
+        std::fs::write(folder.path().join(format!("{number:02}.jpg")), frame).unwrap();
+    }
+    let of_world = Statistics::of(&frames).unwrap();
+    let of_folder = Statistics::of(&frames_in(folder.path()).unwrap()).unwrap();
+    assert_eq!(of_world, of_folder);
+    let row = format!("{:20} {of_world}", "playpen");
+    assert_eq!(row.len(), Statistics::HEAD.len(), "{row}");
+    assert!((20.0..235.0).contains(&of_world.middle), "{of_world}");
+    assert!(of_world.noise > 0.0 && of_world.edges > 1.0, "{of_world}");
+
+    let mut grey = Vec::new();
+    image::RgbImage::from_pixel(320, 240, image::Rgb([120, 110, 100]))
+        .write_with_encoder(image::codecs::jpeg::JpegEncoder::new_with_quality(
+            &mut grey, 95,
+        ))
+        .unwrap();
+    let even = Statistics::of(&[grey]).unwrap();
+    assert!(
+        (even.middle - 110.0).abs() < 2.0 && (even.corners - 110.0).abs() < 2.0,
+        "{even}"
+    );
+    assert!((even.middle_cast[0] - 10.0).abs() < 3.0, "{even}");
+    assert!(
+        (even.saturation - 42.5).abs() < 8.0 && even.noise < 0.5,
+        "{even}"
+    );
+
+    let empty = tempfile::tempdir().unwrap();
+    assert!(
+        frames_in(empty.path())
+            .unwrap_err()
+            .contains("no JPEG files")
+    );
+    assert!(Statistics::of(&[b"no picture".to_vec()]).is_err());
 }

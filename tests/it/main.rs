@@ -4,6 +4,8 @@
 mod behaviours;
 mod bus;
 mod calibrate;
+#[path = "../camera_truth/mod.rs"]
+mod camera_truth;
 mod charger;
 mod check;
 mod cli;

@@ -278,3 +278,54 @@ balls:
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_contains(&run.text(), &["ahead"]);
 }
+
+/// The free distance that `floor.look` tells 4.4 m before a wall, with these things in the world.
+async fn free_ahead(pitch: i32, things: &str) -> f64 {
+    let rig = Rig::quiet().await;
+    let world = format!(
+        "room: {{width: 6, depth: 4, floor: concrete}}
+station: {{at: [0, 3.5], heading_degrees: 0}}
+start: {{at: [1.5, 2], heading_degrees: 0}}
+camera: {{pitch: {pitch}}}
+{things}
+"
+    );
+    rig.file("world.yaml", &world);
+    rig.file(
+        "look.lua",
+        "print('ahead', require('@spykee/floor').look(robot.wait_frame(5)).ahead)",
+    );
+    let mut run = rig.spykee(&[
+        "run",
+        "look.lua",
+        "--sim",
+        "world.yaml",
+        "--fast",
+        "--seed",
+        "1",
+    ]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    let told = text.split_once("ahead ").unwrap().1;
+    told.split_whitespace().next().unwrap().parse().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sheet_of_paper_is_free_floor_and_what_stands_is_not() {
+    for (pitch, x) in [(-10, 2.5), (-10, 2.8), (0, 2.9)] {
+        let sheet = format!("rugs: [{{at: [{x}, 2], width: 0.21, depth: 0.297, colour: white}}]");
+        let free = free_ahead(pitch, &sheet).await;
+        assert!(free > 3.0, "pitch {pitch}, sheet at {x}: {free}");
+        let standing = [
+            format!("{sheet}\nposts: [{{at: [{x}, 2], radius: 0.03, height: 0.6, colour: black}}]"),
+            format!("{sheet}\nballs: [{{at: [{x}, 2], radius: 0.08, colour: red}}]"),
+            format!("balls: [{{at: [{x}, 2], radius: 0.05, colour: yellow}}]"),
+            format!("balls: [{{at: [{x}, 2], radius: 0.12, colour: red}}]"),
+            format!("rugs: [{{at: [{x}, 2], width: 0.21, depth: 0.5, colour: white}}]"),
+        ];
+        for things in standing {
+            let free = free_ahead(pitch, &things).await;
+            assert!(free < x - 1.5, "pitch {pitch}, {things}: {free}");
+        }
+    }
+}
