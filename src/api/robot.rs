@@ -238,8 +238,8 @@ const FUNCTIONS: &[Function] = &[
         "robot.undock",
         &[options(&[seconds("timeout", DOCKING, 20.0, "")])],
         &[OK, choice("code", DOCK_CODE, "how it ended")],
-        "Leaves the charging station, and waits until the robot is off it. Most robots back out of it and face it then; \
-         `floor.leave_station` also turns where the way is free.",
+        "Leaves the charging station, and waits until the robot is off it. Some robots back out of it and \
+         face it then, others drive off it forward; `floor.leave_station` also turns where the way is free.",
         "if robot.docked() then\n\trobot.undock()\nend",
     )
     .waiting(),

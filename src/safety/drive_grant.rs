@@ -1,5 +1,4 @@
-//! A grant: between two searches of a robot with a low battery one behaviour drives for a few
-//! seconds.
+//! A grant: between two searches of a robot with a low battery one behaviour drives for some time.
 
 use std::time::Duration;
 

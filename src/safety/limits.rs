@@ -129,7 +129,7 @@ const fn percent(level: u8) -> Percent {
 }
 
 /// The behaviour that the tracks of a robot with a low battery are granted to between two searches,
-/// a few seconds at a time. In a config: `builtin`, `off`, or the name of a `.lua` file.
+/// up to 40 s at a time. In a config: `builtin`, `off`, or the name of a `.lua` file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Rescue {

@@ -6,10 +6,10 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use super::chassis::Tracks;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
+use super::chassis::Tracks;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
 use crate::sim::world::station::{DockingSettings, Leaves, Station};
