@@ -659,7 +659,14 @@ impl Pilot {
     /// change.
     fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let before = self.watchdog.battery();
+        let read_voltage = self.watchdog.reads_voltage();
         let acts = self.watchdog.handle(fact, Instant::now());
+        if self.watchdog.reads_voltage() && !read_voltage {
+            warn!(
+                "the robot's battery level sags while the tracks run: from now on it is taken for a voltage \
+                 and converted; if that is wrong, set `watchdog: {{ power: percent }}` in the config"
+            );
+        }
         self.note_level();
         if let (Some(before), Some(battery)) = (before, self.battery()) {
             if battery.is_news_after(&before) {

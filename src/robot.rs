@@ -84,6 +84,12 @@ impl Setpoint {
         self == Setpoint::STOP
     }
 
+    /// The mean power of both tracks, 0..=1.
+    pub fn effort(self) -> f64 {
+        let sum = f64::from(self.left.get()).abs() + f64::from(self.right.get()).abs();
+        sum / (2.0 * f64::from(TrackPower::MAX))
+    }
+
     /// The message that sets it.
     pub fn command(self) -> Command {
         Command::Move {

@@ -2,7 +2,8 @@
 //! come out. Nothing here blocks, reads the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
-//! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryMonitor`] (which battery
+//! drives), [`Tracks`] (the setpoint sent, and how often), [`PowerGauge`] (what POWER says of the
+//! energy), [`BatteryMonitor`] (which battery
 //! reports count, and when the level is low), [`DockTracker`] (whether the robot is docked, and on
 //! what evidence), [`Docking`] (one docking with its retries), [`Homing`] (the way home of a robot
 //! with a low battery), [`DriveGrant`] and [`BlindMove`] (how it reaches another place to search
@@ -17,6 +18,7 @@ mod debounce;
 mod dock_state;
 mod docking;
 mod drive_grant;
+mod gauge;
 mod homing;
 mod leases;
 mod limits;
@@ -31,6 +33,7 @@ pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker, Source};
 pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
 pub use drive_grant::{DriveGrant, capped};
+pub use gauge::{MotorLoad, PowerGauge, PowerReading};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use limits::{Limits, LimitsError, Rescue, UnknownRescue};

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use super::PowerReading;
 use crate::robot::{Percent, Seconds};
 
 /// The numbers of the safety rules. Times are in seconds in the config, which sets those that an
@@ -12,6 +13,10 @@ use crate::robot::{Percent, Seconds};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
+    /// What the number in the robot's battery reports means (`auto`): `percent`, a share of the energy;
+    /// `voltage`, a share of a voltage, which is converted; `auto`, a share of the energy until it
+    /// sags twice while the tracks run. All levels are shares of the energy.
+    pub power: PowerReading,
     /// At or below this level the robot is sent home, whatever the scripts do (20 %).
     pub low: Percent,
     /// At this level or above, a robot that was low may move again (50 %).
@@ -65,6 +70,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Limits {
         Limits {
+            power: PowerReading::Auto,
             low: percent(20),
             ok: percent(50),
             critical: percent(8),

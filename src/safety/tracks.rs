@@ -81,6 +81,11 @@ impl Tracks {
         self.last_sent
     }
 
+    /// When it was sent.
+    pub fn sent_at(&self) -> Instant {
+        self.sent_at
+    }
+
     /// Since when the setpoints sent have moved the robot without a stop; `None` at rest.
     pub fn moving_since(&self) -> Option<Instant> {
         self.moving_since

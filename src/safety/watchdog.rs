@@ -17,8 +17,8 @@ use super::docking::{ActiveDocking, Caller};
 use super::{
     ALARM, Act, AfterFailure, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging,
     DockAction, DockLimits, DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact,
-    Homing, HomingStep, HostLife, LastWords, Leases, Limits, LowCause, Recharge, Rescue, Retry,
-    Tracks, WaitingMotion, capped,
+    Homing, HomingStep, HostLife, LastWords, Leases, Limits, LowCause, MotorLoad, PowerGauge,
+    Recharge, Rescue, Retry, Tracks, WaitingMotion, capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
@@ -69,6 +69,7 @@ pub struct Watchdog {
     /// BASE_FIND was sent, and no report of the robot has ended the search: a stop alone may not end
     /// it, and a link may lose the BASE_FIND_CANCEL.
     may_search: bool,
+    power_gauge: PowerGauge,
     battery_monitor: BatteryMonitor,
     arbiter: Arbiter,
     leases: Leases,
@@ -94,6 +95,8 @@ impl Watchdog {
     const BACK_OFF_PERCENT: f64 = 30.0;
     /// ... for this long.
     const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
+    /// The mean power of both tracks with which a robot is taken to search for its station.
+    const SEARCH_EFFORT: f64 = 0.3;
     /// How long 0 % on the contacts may mean that the battery charges.
     const FLAT_TIME: Duration = Duration::from_secs(15 * 60);
     /// How long setpoints are held without a guardian; then they end.
@@ -104,6 +107,7 @@ impl Watchdog {
     /// Begins without a link; nothing moves.
     pub fn new(limits: Limits, now: Instant) -> Watchdog {
         Watchdog {
+            power_gauge: PowerGauge::new(limits.power),
             battery_monitor: BatteryMonitor::new(&limits),
             leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
             dock_tracker: DockTracker::new(limits.charge_timeout.get()),
@@ -290,6 +294,11 @@ impl Watchdog {
             charging: self.battery_monitor.charging() == Charging::Confirmed,
             minutes_left: None,
         })
+    }
+
+    /// Whether the number in POWER is taken for a voltage.
+    pub fn reads_voltage(&self) -> bool {
+        self.power_gauge.is_voltage()
     }
 
     /// Whether it is on its station and was not told to leave it: it does not drive.
@@ -531,6 +540,8 @@ impl Watchdog {
             charging: power.charging && !self.dock_tracker.has_just_left(now),
             ..power
         };
+        let load = self.motor_load();
+        let power = self.power_gauge.read(power, load, now);
         let was_critical = self.battery_monitor.critical();
         let contact = self.dock_tracker.has_contact();
         let change = self.battery_monitor.report(power, contact, now);
@@ -551,6 +562,21 @@ impl Watchdog {
                 power.percent
             );
             self.announce(SafetyAction::Hold, reason);
+        }
+    }
+
+    fn motor_load(&self) -> MotorLoad {
+        let effort = if self.moving() {
+            self.tracks.last_sent().effort()
+        } else if self.is_robot_moving() {
+            Watchdog::SEARCH_EFFORT
+        } else {
+            0.0
+        };
+        let since = self.tracks.moving_since();
+        MotorLoad {
+            effort,
+            since: since.unwrap_or(self.tracks.sent_at()),
         }
     }
 

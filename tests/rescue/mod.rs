@@ -10,7 +10,7 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::agent::Behaviour;
-use spykee::safety::{Limits, Rescue};
+use spykee::safety::{Limits, PowerReading, Rescue};
 use spykee::sim::{BatterySettings, Point, Pose, RADIUS, State, StationDistances, World};
 use spykee::simulation::{Event, EventKind, Recorder, Simulation};
 use spykee::{script, simulation};
@@ -288,7 +288,10 @@ fn play(case: &Case, strategy: Strategy) -> Played {
     let count = efforts.clone();
     let options = simulation::Options {
         seed: start.seed,
-        limits: strategy.limits(),
+        limits: Limits {
+            power: power_reading(&place.world),
+            ..strategy.limits()
+        },
         events: Some(Recorder::new(move |event| {
             count.lock().unwrap().count(&event)
         })),
@@ -329,6 +332,14 @@ fn play(case: &Case, strategy: Strategy) -> Played {
         battery: state.battery,
         pose: state.pose,
         efforts,
+    }
+}
+
+/// What a config says that `spykee doctor --first` has written for the robot in this world.
+fn power_reading(world: &World) -> PowerReading {
+    match world.battery.power {
+        spykee::sim::PowerReading::Percent => PowerReading::Auto,
+        spykee::sim::PowerReading::Voltage => PowerReading::Voltage,
     }
 }
 

@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use self::model::{Known, LongestWait, WayHome};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{BlindMove, LastWords, Rescue};
+use crate::safety::{BlindMove, LastWords, PowerReading, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {
@@ -273,6 +273,7 @@ fn any_limits() -> impl Strategy<Value = Limits> {
     let odd = (levels, times, count(), any::<bool>());
     let odd = odd.prop_map(
         |((critical, low, ok), times, dock_retries, blind_moves)| Limits {
+            power: PowerReading::Percent,
             low,
             ok,
             critical,
@@ -296,7 +297,11 @@ fn any_limits() -> impl Strategy<Value = Limits> {
             },
         },
     );
-    prop_oneof![4 => Just(Limits::default()), 1 => odd]
+    let usual = Limits {
+        power: PowerReading::Percent,
+        ..Limits::default()
+    };
+    prop_oneof![4 => Just(usual), 1 => odd]
 }
 
 /// A robot with a low battery that does not find its station in the first attempts, and perhaps is
