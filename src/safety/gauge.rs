@@ -35,18 +35,21 @@ pub struct MotorLoad {
     pub since: Instant,
 }
 
-/// A level, and the effort of the tracks with it.
-#[derive(Debug, Clone, Copy)]
-struct Loaded {
-    level: f64,
-    effort: f64,
-}
-
-/// A motion or a rest, with what was reported last.
+/// The last level in a motion or a rest.
 #[derive(Debug, Clone, Copy)]
 struct Phase {
     since: Instant,
-    last: Loaded,
+    effort: f64,
+    level: f64,
+}
+
+/// The lowest level in motion.
+#[derive(Debug, Clone, Copy)]
+struct Sag {
+    level: f64,
+    effort: f64,
+    /// How long the motion had lasted.
+    after: Duration,
 }
 
 /// Converts POWER into a share of the energy.
@@ -57,7 +60,7 @@ pub struct PowerGauge {
     /// The last level at rest.
     at_rest: Option<f64>,
     /// The lowest level of the motions since.
-    sag: Option<Loaded>,
+    sag: Option<Sag>,
     /// How many motions in a row have sagged.
     sagged: u32,
     /// By how much the level sags at full power.
@@ -86,15 +89,15 @@ const ENERGY: [[f64; 2]; 9] = [
 ];
 
 impl PowerGauge {
-    /// The last level of a motion or a rest counts when that has lasted for so long. A voltage that has
-    /// not quite recovered by then says less than is there.
+    /// While a motion or a rest lasts, its levels count after this time.
     const SETTLED: Duration = Duration::from_millis(250);
     /// A percentage does not change by so many points when the tracks start, and back when they stop.
     const LEAST_SAG: f64 = 3.0;
     /// So many motions in a row prove a voltage.
     const PROOF: u32 = 2;
-    /// A motion of this effort that does not sag proves the opposite.
+    /// A motion of this effort and length that does not sag proves the opposite.
     const CLEAR_EFFORT: f64 = 0.3;
+    const CLEAR_MOTION: Duration = Duration::from_secs(2);
     /// The sag at full power until it is measured, and the largest that is believed.
     const ASSUMED_SAG: f64 = 10.0;
     const LARGEST_SAG: f64 = 30.0;
@@ -138,16 +141,17 @@ impl PowerGauge {
             self.note_charging(level);
         } else {
             self.end_phase(load.since);
-            let effort = load.effort;
-            self.phase = Some(Phase {
+            let phase = Phase {
                 since: load.since,
-                last: Loaded { level, effort },
-            });
-            if effort > 0.0 {
-                self.note_level_in_motion(level, effort);
+                effort: load.effort,
+                level,
+            };
+            self.phase = Some(phase);
+            if load.effort > 0.0 {
+                self.note_level_in_motion(level, load.effort);
             }
             if now >= load.since + PowerGauge::SETTLED {
-                self.settle(Loaded { level, effort });
+                self.settle(phase, now);
             }
             self.rested = self.rested.or(Some(level));
         }
@@ -169,13 +173,12 @@ impl PowerGauge {
     }
 
     /// A robot may report changes only: if the tracks have started or stopped since the last report, its
-    /// level was that of the whole phase.
+    /// level was that until then.
     fn end_phase(&mut self, next: Instant) {
         if let Some(phase) = self.phase
             && phase.since != next
-            && next >= phase.since + PowerGauge::SETTLED
         {
-            self.settle(phase.last);
+            self.settle(phase, next);
         }
     }
 
@@ -189,14 +192,19 @@ impl PowerGauge {
         };
     }
 
-    fn settle(&mut self, settled: Loaded) {
-        if settled.effort > 0.0 {
-            if self.sag.is_none_or(|sag| settled.level < sag.level) {
-                self.sag = Some(settled);
+    fn settle(&mut self, phase: Phase, now: Instant) {
+        let Phase { effort, level, .. } = phase;
+        if effort > 0.0 {
+            if self.sag.is_none_or(|sag| level <= sag.level) {
+                let after = now.saturating_duration_since(phase.since);
+                self.sag = Some(Sag {
+                    level,
+                    effort,
+                    after,
+                });
             }
             return;
         }
-        let level = settled.level;
         if let Some(charged) = self.charging.take() {
             let rise = charged - level;
             self.rise = rise.clamp(PowerGauge::LEAST_RISE, PowerGauge::LARGEST_RISE);
@@ -209,13 +217,16 @@ impl PowerGauge {
     }
 
     /// Judges the motions between two rests.
-    fn judge(&mut self, sag: Loaded, before: f64, after: f64) {
+    fn judge(&mut self, sag: Sag, before: f64, after: f64) {
         let depth = before.min(after) - sag.level;
         if depth >= PowerGauge::LEAST_SAG {
             self.sagged += 1;
             let full = ((after - sag.level) / sag.effort).min(PowerGauge::LARGEST_SAG);
             self.full_sag = Some(self.full_sag.map_or(full, |known| 0.7 * known + 0.3 * full));
-        } else if depth < 1.0 && sag.effort >= PowerGauge::CLEAR_EFFORT {
+        } else if depth < 1.0
+            && sag.effort >= PowerGauge::CLEAR_EFFORT
+            && sag.after >= PowerGauge::CLEAR_MOTION
+        {
             self.sagged = 0;
         }
         if self.sagged >= PowerGauge::PROOF {
@@ -368,8 +379,8 @@ mod tests {
                 percent: level,
                 charging: false,
             };
-            rig.gauge.read(power, load, rig.now + SECOND / 2);
-            rig.now += 2 * SECOND;
+            rig.gauge.read(power, load, rig.now + SECOND / 10);
+            rig.now += SECOND / 5;
         }
         assert!(rig.gauge.is_voltage());
     }
