@@ -194,15 +194,19 @@ impl PowerGauge {
 
     fn settle(&mut self, phase: Phase, now: Instant) {
         let Phase { effort, level, .. } = phase;
+        let after = now.saturating_duration_since(phase.since);
         if effort > 0.0 {
             if self.sag.is_none_or(|sag| level <= sag.level) {
-                let after = now.saturating_duration_since(phase.since);
                 self.sag = Some(Sag {
                     level,
                     effort,
                     after,
                 });
             }
+            return;
+        }
+        let has_sagged = |rested| level < rested - PowerGauge::ROUNDING;
+        if after < PowerGauge::SETTLED && self.rested.is_some_and(has_sagged) {
             return;
         }
         if let Some(charged) = self.charging.take() {
@@ -383,6 +387,19 @@ mod tests {
             rig.now += SECOND / 5;
         }
         assert!(rig.gauge.is_voltage());
+    }
+
+    #[test]
+    fn a_rest_too_short_to_recover_does_not_count_as_empty() {
+        let mut rig = Rig::new(PowerReading::Voltage);
+        rig.run(0.0, [60; 4]);
+        rig.run(1.0, [50; 4]);
+        rig.effort = 0.0;
+        rig.since = rig.now + 5 * SECOND - SECOND / 10;
+        assert_eq!(rig.report(50, false), 45);
+        rig.effort = 1.0;
+        rig.since = rig.now;
+        assert_eq!(rig.report(50, false), 45);
     }
 
     #[test]

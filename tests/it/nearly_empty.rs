@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use spykee::safety::{Limits, Rescue};
-use spykee::sim::State;
+use spykee::safety::{Limits, PowerReading, Rescue};
+use spykee::sim::{self, State, World};
 use spykee::simulation::{self, Simulation};
-use spykee::wire::{Command, Led, Stream};
+use spykee::wire::{Command, Engage, Led, Stream};
 use tokio::time::{sleep, timeout};
 
 use crate::fast::{behaviour, quiet_world};
@@ -53,6 +53,51 @@ async fn nearly_empty(simulation: &Simulation) -> simulation::Running {
     simulation.sim().hide_station(true);
     simulation.sim().set_battery(5.0);
     run
+}
+
+/// Drives to and fro, with rests; and on the spot for good.
+const TO_AND_FRO: &str =
+    "while true do robot.move(40, 40, 1.5) task.wait(1) robot.move(-40, -40, 1.5) end";
+const ON_THE_SPOT: &str = "robot.drive(0, 1) task.wait(1e6)";
+
+/// The energy when a robot that drives is sent home, percent.
+fn energy_when_sent_home(script: &str, reading: PowerReading, world: World) -> f64 {
+    let options = simulation::Options {
+        limits: Limits {
+            power: reading,
+            ..Limits::default()
+        },
+        ..simulation::Options::default()
+    };
+    simulation::run(world, options, async |simulation: &Simulation| {
+        let _run = simulation.start(vec![behaviour("drives", script, 0, 1)], None);
+        let home = |command: &Command| *command == Command::Engine(Engage::Dock);
+        let sent = timeout(SECOND * 3600, simulation.sim().wait_heard(0, home)).await;
+        assert!(sent.is_ok(), "never sent home: {script}");
+        simulation.sim().state().battery
+    })
+    .unwrap()
+}
+
+#[test]
+fn a_robot_that_reports_a_voltage_goes_home_with_as_much_energy_as_another() {
+    let mut world = quiet_world();
+    world.battery.level = 60.0;
+    world.battery.idle_drain_per_minute = 3.0;
+    world.battery.driving_drain_per_minute = 6.0;
+    let energy = energy_when_sent_home(TO_AND_FRO, PowerReading::Auto, world.clone());
+    assert!((19.0..=21.0).contains(&energy), "percent: {energy}");
+    world.battery.power = sim::PowerReading::Voltage;
+    for (script, reading) in [
+        (TO_AND_FRO, PowerReading::Auto),
+        (TO_AND_FRO, PowerReading::Voltage),
+        (ON_THE_SPOT, PowerReading::Voltage),
+    ] {
+        let energy = energy_when_sent_home(script, reading, world.clone());
+        assert!((14.0..=30.0).contains(&energy), "{reading:?}: {energy}");
+    }
+    let energy = energy_when_sent_home(TO_AND_FRO, PowerReading::Percent, world);
+    assert!(energy < 10.0, "this battery shows the difference: {energy}");
 }
 
 /// Whether a command is neither a motion nor part of the watchdog's alarm.
