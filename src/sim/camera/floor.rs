@@ -339,7 +339,7 @@ fn glossy_tiles(x: f32, y: f32, size: f32) -> Rgb {
     let joint = 1.0 - 0.45 * covered(along).max(covered(across));
     let tone = 0.97 + 0.04 * scatter(column, row);
     let cloud = 0.985 + 0.03 * scatter((x * 9.0) as i32, (y * 9.0) as i32);
-    scaled([176.0, 163.0, 156.0], joint * tone * cloud)
+    scaled([180.0, 163.0, 151.0], joint * tone * cloud)
 }
 
 /// Splits a positive number into its integer and fractional parts.

@@ -1,18 +1,18 @@
 //! What a cheap lens and sensor do to a picture: soft edges, pale colours, dark corners.
 
-use super::texture::Pixel;
+use super::texture::{Pixel, between};
 use super::view::{HEIGHT, WIDTH};
 use crate::sim::world::settings::CameraSettings;
 
 /// Bytes of a row.
 const STRIDE: usize = WIDTH * 4;
-/// Largest variance, square pixels, of one pass of the blur.
-const MAX_VARIANCE: f64 = 0.5;
+/// Largest variance, square pixels, of one pass of the blur: three equal weights.
+const MAX_VARIANCE: f64 = 2.0 / 3.0;
 
 pub(super) struct Sensor {
     blur: Blur,
-    /// The share that is left of the colours, in 256ths.
-    saturation: i32,
+    /// The share of the colours that is replaced by grey, in 256ths.
+    lost_saturation: u32,
     vignette: [f64; 3],
     /// The share of the light that reaches each byte of a frame, in 256ths less one; computed for
     /// the first frame.
@@ -23,7 +23,7 @@ impl Sensor {
     pub(super) fn new(settings: &CameraSettings) -> Sensor {
         Sensor {
             blur: Blur::new(settings.softness),
-            saturation: (settings.saturation * 256.0).round() as i32,
+            lost_saturation: 256 - (settings.saturation * 256.0).round() as u32,
             vignette: settings.vignette,
             shares: Vec::new(),
         }
@@ -32,7 +32,7 @@ impl Sensor {
     /// Changes a frame; a perfect lens and sensor do nothing.
     pub(super) fn apply(&mut self, frame: &mut [Pixel]) {
         self.blur.apply(frame.as_flattened_mut());
-        if self.saturation != 256 {
+        if self.lost_saturation > 0 {
             self.fade(frame);
         }
         if self.vignette != [0.0; 3] {
@@ -42,11 +42,9 @@ impl Sensor {
 
     fn fade(&self, frame: &mut [Pixel]) {
         for pixel in frame {
-            let [r, g, b, _] = pixel.map(i32::from);
+            let [r, g, b, _] = pixel.map(u32::from);
             let grey = (77 * r + 150 * g + 29 * b) >> 8;
-            *pixel = pixel.map(|channel| {
-                (grey + (((i32::from(channel) - grey) * self.saturation + 128) >> 8)) as u8
-            });
+            *pixel = between(*pixel, [grey as u8; 4], self.lost_saturation);
         }
     }
 

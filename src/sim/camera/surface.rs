@@ -207,7 +207,7 @@ fn white_door(aside: f32, height: f32) -> Option<Rgb> {
         _ if edge < 0.07 => Some([234.0, 232.0, 226.0]),
         _ if edge < 0.085 || height < 0.012 => Some([128.0, 124.0, 116.0]),
         _ if handle => Some([140.0, 140.0, 142.0]),
-        _ => Some([232.0, 228.0, 216.0]),
+        _ => Some([235.0, 228.0, 206.0]),
     }
 }
 
