@@ -36,6 +36,11 @@ scenario("explores a classroom with a tiled floor", { world = "classroom", fps =
 	explores(sim)
 end)
 
+scenario("explores a laboratory with glossy tiles as a genuine robot", { world = "laboratory" }, function(sim)
+	sim:place({ x = 1.2 + 1.4 * math.random(), y = 1.4 + 2.2 * math.random(), heading = 2 * math.pi * math.random() })
+	explores(sim)
+end)
+
 scenario("leaves the station when it has charged", { battery = 79 }, function(sim)
 	sim:place({ x = 0.6, y = 2.5, heading = math.pi })
 	sim:run("dock_now.lua")

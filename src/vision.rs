@@ -23,7 +23,7 @@ pub use blobs::{Blob, BlobFinder, BlobOptions};
 pub use camera::{Camera, Direction, FloorPosition};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
-pub use colour::{Colour, ColourError, Span};
+pub use colour::{Colour, ColourError, NamedColour, Span};
 
 pub use frame_analyser::{Damage, FrameAnalyser};
 pub use jpeg::decoder::Decoder;

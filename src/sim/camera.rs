@@ -5,6 +5,7 @@ mod lens;
 mod light;
 mod renderer;
 mod scene;
+mod sensor;
 mod surface;
 mod texture;
 pub(crate) mod view;
@@ -18,6 +19,7 @@ use rand::{Rng, RngExt, SeedableRng};
 
 use self::lens::Lens;
 use self::renderer::Renderer;
+use self::sensor::Sensor;
 use self::texture::Pixel;
 use self::view::{HEIGHT, WIDTH};
 use crate::sim::geometry::{Point, Pose};
@@ -29,6 +31,7 @@ pub(crate) struct Camera {
     settings: CameraSettings,
     lens: Lens,
     renderer: Renderer,
+    sensor: Sensor,
     exposure: Exposure,
     /// Inputs of the last rendered frame, unless it is outdated.
     last_inputs: Option<FrameInputs>,
@@ -63,7 +66,8 @@ impl Camera {
             settings: world.camera,
             renderer: Renderer::new(world, canvas),
             lens,
-            exposure: Exposure::new(world.camera.exposure),
+            sensor: Sensor::new(&world.camera),
+            exposure: Exposure::new(&world.camera),
             last_inputs: None,
             grain: Grain::new(world.camera.noise, seed),
             grainy: vec![[0; 4]; WIDTH * HEIGHT],
@@ -114,14 +118,13 @@ impl Camera {
             self.renderer
                 .render(shot.pose, shot.flash, exposure, turned);
             self.lens.take(self.renderer.frame());
+            self.sensor.apply(self.lens.frame_mut());
             self.last_inputs = inputs;
         }
         self.exposure.update(self.lens.frame(), shot.time);
     }
 }
 
-/// Target for the mean brightness of a frame, 0..=255.
-const MIDDLE_GREY: f32 = 105.0;
 const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
 /// One in this many pixels is measured.
 const SAMPLE_STEP: usize = 37;
@@ -131,14 +134,17 @@ const SAMPLE_STEP: usize = 37;
 pub(super) struct Exposure {
     /// Time constant, seconds; 0 switches it off.
     slowness: f64,
+    /// The mean brightness of a frame that it aims at, 0..=255.
+    wanted: f32,
     gain: f32,
     last: Option<Duration>,
 }
 
 impl Exposure {
-    pub(super) fn new(slowness: f64) -> Exposure {
+    pub(super) fn new(settings: &CameraSettings) -> Exposure {
         Exposure {
-            slowness,
+            slowness: settings.exposure,
+            wanted: (settings.brightness * 255.0) as f32,
             gain: 1.0,
             last: None,
         }
@@ -157,7 +163,7 @@ impl Exposure {
         let some = frame.iter().step_by(SAMPLE_STEP);
         let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
         let mean = (sum as f32 * SAMPLE_STEP as f32 / frame.len() as f32).max(1.0);
-        let wanted = (self.gain * MIDDLE_GREY / mean).clamp(*GAINS.start(), *GAINS.end());
+        let wanted = (self.gain * self.wanted / mean).clamp(*GAINS.start(), *GAINS.end());
         let share = self.last.map_or(1.0, |before| {
             let passed = time.saturating_sub(before).as_secs_f64();
             passed / (passed + self.slowness)
@@ -434,6 +440,109 @@ mod tests {
             find(&look(&mut camera, true), RED).0 > 0,
             find(&dim, RED).0 > 0
         );
+    }
+
+    /// The mean red, green and blue of 10x10 pixels.
+    fn colour_at(image: &image::RgbImage, left: u32, top: u32) -> [f64; 3] {
+        let places = (0..100).map(|i| (left + i % 10, top + i / 10));
+        let sum = places.fold([0.0; 3], |sum, (x, y)| {
+            let pixel = image.get_pixel(x, y).0;
+            std::array::from_fn(|i| sum[i] + f64::from(pixel[i]))
+        });
+        sum.map(|channel| channel / 100.0)
+    }
+
+    #[test]
+    fn a_vignette_darkens_the_corners_of_the_frame() {
+        let seen = |camera: &str| {
+            let image = shot(&pen(camera), Pose::new(1.0, 2.0, 0.0), false);
+            [colour_at(&image, 2, 2), colour_at(&image, 155, 20)]
+        };
+        let [corner, middle] = seen("camera: {noise: 0}");
+        let [dark, same] = seen("camera: {noise: 0, vignette: [0.7, 0.6, 0.5]}");
+        for channel in 0..3 {
+            assert!((same[channel] / middle[channel] - 0.9).abs() < 0.1);
+            let left = dark[channel] / corner[channel];
+            let wanted = [0.41, 0.49, 0.58][channel];
+            assert!((left - wanted).abs() < 0.05, "{channel}: {left}");
+        }
+    }
+
+    #[test]
+    fn saturation_and_softness_reach_the_frame() {
+        let seen = |camera: &str| {
+            let world = pen(&format!("balls: [{{at: [3, 2], colour: red}}]\n{camera}"));
+            shot(&world, Pose::new(1.9, 2.0, 0.0), false)
+        };
+        let steepest = |image: &image::RgbImage| {
+            let steps = (80..240).map(|x| {
+                let [before, after] = [x, x + 1].map(|x| image.get_pixel(x, 190).0[1]);
+                u32::from(before.abs_diff(after))
+            });
+            steps.max().unwrap()
+        };
+        let usual = seen("camera: {noise: 0}");
+        let soft = seen("camera: {noise: 0, softness: 1.5}");
+        assert!(steepest(&soft) < steepest(&usual) * 6 / 10);
+        let colour = |image: &image::RgbImage| {
+            let [red, green, _] = colour_at(image, 152, 185);
+            red - green
+        };
+        let pale = seen("camera: {noise: 0, saturation: 0.4}");
+        let ratio = colour(&pale) / colour(&usual);
+        assert!((ratio - 0.4).abs() < 0.05, "{ratio}");
+        assert!(colour(&seen("camera: {saturation: 0}")).abs() < 4.0);
+    }
+
+    #[test]
+    fn the_automatic_exposure_reaches_the_brightness() {
+        for (brightness, least, most) in [(0.3, 70.0, 83.0), (0.55, 132.0, 148.0)] {
+            let world = pen(&format!(
+                "camera: {{exposure: 0.2, brightness: {brightness}}}"
+            ));
+            let mut camera = Camera::new(&world, 1);
+            let mut jpeg = Bytes::new();
+            for i in 0..30 {
+                jpeg = camera.frame(Shot {
+                    time: Duration::from_millis(100 * i),
+                    ..still(Pose::new(1.9, 2.0, 0.0), false)
+                });
+            }
+            let image = image::load_from_memory(&jpeg).unwrap().to_rgb8();
+            let greens = image.pixels().map(|pixel| f64::from(pixel.0[1]));
+            let mean = greens.sum::<f64>() / f64::from(image.width() * image.height());
+            assert!((least..most).contains(&mean), "{brightness}: {mean}");
+        }
+    }
+
+    #[test]
+    fn a_glossy_floor_has_dark_joints_and_reflects_what_stands_on_it() {
+        let seen = |floor: &str| {
+            let text = format!(
+                "room: {{width: 6, depth: 4, floor: {floor}}}\ncamera: {{noise: 0}}\n\
+                 station: {{at: [0, 2], heading_degrees: 0}}\n\
+                 posts: [{{at: [4, 2], radius: 0.2, height: 1, colour: red}}]\n"
+            );
+            let world = World::from_yaml(&text, "floor").unwrap();
+            shot(&world, Pose::new(1.9, 2.0, 0.0), false)
+        };
+        let glossy = seen("glossy_tiles");
+        // 0.4 m nearer than the post, whose foot is 2 m from the lens.
+        let below = |image: &image::RgbImage| {
+            let [red, green, _] = colour_at(image, 152, 180);
+            red - green
+        };
+        let more = below(&glossy) - below(&seen("concrete"));
+        assert!((10.0..60.0).contains(&more), "{more}");
+        // 1 m from the lens, 0.3 m are 114 pixels; joints at 1.8 and 2.1 m.
+        let bright = |x: u32| f64::from(glossy.get_pixel(x, 226).0[1]);
+        let around = |x: u32| (x - 6..=x + 6).map(bright).fold(255.0, f64::min);
+        let joints = [156 - 38, 156 + 76];
+        let tiles = [156 - 38 - 57, 156 + 19];
+        for (joint, tile) in joints.into_iter().zip(tiles) {
+            let [joint, tile] = [around(joint), around(tile)];
+            assert!(joint < 0.9 * tile, "{joint} {tile}");
+        }
     }
 
     #[test]

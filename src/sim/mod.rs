@@ -28,7 +28,7 @@ pub use server::{Options, Server};
 pub use world::World;
 pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape};
 pub use world::objects::{
-    Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
+    Ball, Decor, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
 };
 pub use world::preset::Preset;
 pub use world::settings::{

@@ -26,7 +26,7 @@ use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
-const BUILTIN: [(&str, &str); 8] = [
+const BUILTIN: [(&str, &str); 9] = [
     (
         "living_room",
         include_str!("../../behaviours/worlds/living_room.yaml"),
@@ -49,6 +49,10 @@ const BUILTIN: [(&str, &str); 8] = [
     (
         "gallery",
         include_str!("../../behaviours/worlds/gallery.yaml"),
+    ),
+    (
+        "laboratory",
+        include_str!("../../behaviours/worlds/laboratory.yaml"),
     ),
 ];
 
@@ -482,6 +486,18 @@ mod tests {
                 "did you mean `knock`?",
             ),
             ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
+            (
+                "camera:\n  vignette: [0.5, 1, 0]\n",
+                "w.yaml:4:19: camera.vignette[1]: invalid value: floating point `1.0`, \
+                 expected a number from 0 to 0.95 (0 is none)",
+            ),
+            ("camera: {vignette: [0.5, 0.5]}\n", "array of length 3"),
+            (
+                "camera: {softness: 3}\n",
+                "w.yaml:3:20: camera.softness: invalid value",
+            ),
+            ("camera: {saturation: -1}\n", "w.yaml:3:22: "),
+            ("camera: {brightness: 105}\n", "w.yaml:3:22: "),
             ("tracks: {slip: 2}\n", "w.yaml:3:16: "),
             (
                 "tracks:\n  dead_zone: 95\n",

@@ -1,9 +1,12 @@
 //! `spykee sim` and `run --trace` from the command line, and the promises of the built-in worlds.
 
+use std::f64::consts::PI;
 use std::time::Duration;
 
 use spykee::sim::{Firmware, Pose, Robot, StationDistances, TraceEventKind, World};
-use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
+use spykee::vision::{
+    BlobOptions, Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes,
+};
 use spykee::wire::{Command, Report, Stream};
 
 use crate::long_runs::flats::flat;
@@ -186,6 +189,46 @@ fn qr_signs_are_readable() {
     let counts = [6.2, 6.1, 6.0, 5.9].map(&mut read);
     assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
     assert!(counts.iter().sum::<usize>() >= 16, "{counts:?} of 6 each");
+}
+
+#[test]
+fn painted_things_of_the_laboratory_are_found_and_nothing_else_is() {
+    let mut robot = robot("laboratory", 1);
+    let mut analyser = FrameAnalyser::new(Camera::default());
+    let options = BlobOptions {
+        pixels_threshold: 40,
+        ..BlobOptions::default()
+    };
+    let mut key = 0;
+    let mut pixels = |robot: &mut Robot, colour: &str| {
+        key += 1;
+        let frame = frame_after(robot, 2.0);
+        let colour = [Colour::named(colour).unwrap()];
+        let blobs = analyser.find_blobs(key, &frame, &colour, &options).unwrap();
+        blobs.iter().map(|blob| blob.pixels).sum::<u32>()
+    };
+    // The extinguisher 3 m ahead, in the middle and near the edge of the picture; pipes 1.8 m ahead.
+    for (pose, colour, least) in [
+        (Pose::new(2.8, 3.4, 0.0), "red", 800),
+        (Pose::new(2.8, 3.4, -0.33), "red", 800),
+        (Pose::new(2.0, 4.5, PI), "red", 3000),
+        (Pose::new(2.0, 4.5, PI), "yellow", 3000),
+    ] {
+        robot.place(pose);
+        let found = pixels(&mut robot, colour);
+        assert!(found >= least, "{found} pixels of {colour} at {pose:?}");
+    }
+    // The door and the radiator, the bench of wood, the station.
+    for pose in [
+        Pose::new(2.8, 2.0, 0.0),
+        Pose::new(2.8, 1.6, -0.7),
+        Pose::new(2.8, 2.2, PI),
+    ] {
+        robot.place(pose);
+        for colour in ["red", "yellow"] {
+            assert_eq!(pixels(&mut robot, colour), 0, "{colour} at {pose:?}");
+        }
+    }
 }
 
 #[test]

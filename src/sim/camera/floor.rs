@@ -48,6 +48,7 @@ impl Floor {
         let floor = self
             .texture
             .get_or_insert_with(|| floor_texture(&self.world));
+        let glossy = self.world.room.floor == objects::Floor::GlossyTiles;
         let even = lighting.is_uniform() && !view.flash;
         let Canvas {
             width,
@@ -76,6 +77,28 @@ impl Floor {
                 let visible = |column: usize| row >= floor_tops[column];
                 texels.paint(&mut line[patch..][..PATCH], patch, light, visible);
             }
+            if glossy {
+                let share = reflected(view.canvas.eye, depth);
+                reflect(&mut frame[..(row + 1) * width], floor_tops, row, share);
+            }
+        }
+    }
+}
+
+/// Returns which share of the light from a depth is a reflection on a glossy floor, in 256ths.
+fn reflected(eye: f32, depth: f32) -> u32 {
+    let steepness = eye / eye.hypot(depth);
+    (GLOSS * (1.0 - steepness).powi(5) * 256.0) as u32
+}
+
+/// Adds to a row, the last of these, what stands on the floor: each column mirrored at its foot.
+fn reflect(rows: &mut [Pixel], floor_tops: &[usize], row: usize, share: u32) {
+    let width = floor_tops.len();
+    for (column, floor_top) in floor_tops.iter().enumerate() {
+        if *floor_top <= row && share > 0 {
+            let mirrored = rows[(2 * floor_top).saturating_sub(row + 1) * width + column];
+            let pixel = &mut rows[row * width + column];
+            *pixel = between(*pixel, mirrored, share);
         }
     }
 }
@@ -144,8 +167,12 @@ const CELL: f32 = 0.05;
 /// Distance from a thing at which its shadow ends, metres.
 const SHADOW: f32 = 0.16;
 
-/// Side of a texel of the floor, metres, in rooms of usual size.
+/// Share of the light that a glossy floor reflects when seen from very far.
+const GLOSS: f32 = 0.25;
+
+/// Side of a texel of the floor, metres, in rooms of usual size; smaller where joints are narrow.
 const PIXEL: f32 = 0.01;
+const SMALL_PIXEL: f32 = 0.005;
 /// Approximate maximum number of texels of the floor.
 const MAX_PIXELS: f32 = 2e6;
 
@@ -154,7 +181,11 @@ const MAX_PIXELS: f32 = 2e6;
 fn floor_texture(world: &World) -> Texture {
     let width = world.room.width as f32;
     let depth = world.room.depth as f32;
-    let size = PIXEL.max((width * depth / MAX_PIXELS).sqrt());
+    let finest = match world.room.floor {
+        objects::Floor::GlossyTiles => SMALL_PIXEL,
+        _ => PIXEL,
+    };
+    let size = finest.max((width * depth / MAX_PIXELS).sqrt());
     let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
     let scale = [count[0] as f32 / depth, count[1] as f32 / width];
     let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::new).collect();
@@ -164,6 +195,7 @@ fn floor_texture(world: &World) -> Texture {
             objects::Floor::Wood => wood(x, y),
             objects::Floor::Tiles => tiles(x, y),
             objects::Floor::Concrete => concrete(x, y),
+            objects::Floor::GlossyTiles => glossy_tiles(x, y, size),
         })
     };
     let mut pixels = Vec::with_capacity(count[0] * count[1]);
@@ -292,6 +324,22 @@ fn concrete(x: f32, y: f32) -> Rgb {
     let coarse = scatter((x * 5.0) as i32, (y * 5.0) as i32);
     let fine = scatter((x * 60.0) as i32, (y * 60.0) as i32);
     scaled([150.0, 150.0, 147.0], 0.93 + 0.05 * coarse + 0.08 * fine)
+}
+
+/// Tiles with dark joints of 5 mm, each shown by the share of a texel of this size that it covers.
+fn glossy_tiles(x: f32, y: f32, size: f32) -> Rgb {
+    const TILE: f32 = 0.3;
+    const JOINT: f32 = 0.005;
+    let (column, along) = split_number(x * (1.0 / TILE));
+    let (row, across) = split_number(y * (1.0 / TILE));
+    let covered = |place: f32| {
+        let middle = place.min(1.0 - place) * TILE;
+        ((size + JOINT) / 2.0 - middle).clamp(0.0, JOINT.min(size)) / size
+    };
+    let joint = 1.0 - 0.45 * covered(along).max(covered(across));
+    let tone = 0.97 + 0.04 * scatter(column, row);
+    let cloud = 0.985 + 0.03 * scatter((x * 9.0) as i32, (y * 9.0) as i32);
+    scaled([180.0, 163.0, 151.0], joint * tone * cloud)
 }
 
 /// Splits a positive number into its integer and fractional parts.

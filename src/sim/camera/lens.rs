@@ -76,6 +76,10 @@ impl Lens {
         &self.frame
     }
 
+    pub(super) fn frame_mut(&mut self) -> &mut [Pixel] {
+        &mut self.frame
+    }
+
     /// Takes a frame of the rendered image.
     pub(super) fn take(&mut self, rendered: &[Pixel]) {
         if self.sources.is_empty() {

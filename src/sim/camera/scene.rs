@@ -136,7 +136,11 @@ impl Scene {
         let paint = rgb(world.room.walls);
         let inner = world.walls.iter().flat_map(|wall| wall.sides());
         for (number, line) in (0..).zip(world.room.sides().into_iter().chain(inner)) {
-            let surface = Surface::Wall { paint, number };
+            let surface = Surface::Wall {
+                paint,
+                number,
+                decor: world.room.decor,
+            };
             let top = world.room.height;
             self.panels.push(Panel::new(line, 0.0, top, surface));
         }

@@ -2,7 +2,7 @@
 //! station. Everything except balls, posts and colours set in the world file is pale, so that a
 //! behaviour that searches for a colour finds only the things meant to have it.
 
-use crate::sim::world::objects::Paint;
+use crate::sim::world::objects::{Decor, Paint};
 
 /// A colour under full light, 0..=255 for each of red, green and blue.
 pub(crate) type Rgb = [f32; 3];
@@ -18,6 +18,7 @@ pub(crate) enum Surface {
     Wall {
         paint: Rgb,
         number: u32,
+        decor: Decor,
     },
     Furniture {
         paint: Rgb,
@@ -43,6 +44,7 @@ pub(crate) enum Strip {
     Wall {
         paper: Rgb,
         thing: Option<(Thing, f32)>,
+        decor: Decor,
     },
     Furniture {
         paint: Rgb,
@@ -62,14 +64,22 @@ pub(crate) enum Thing {
     Picture(f32),
     Window,
     Door,
+    WhiteDoor,
+    Whiteboard,
+    Switch,
 }
 
 impl Surface {
     pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
-            Surface::Wall { paint, number } => Strip::Wall {
-                paper: wallpaper(paint, number, place),
-                thing: wall_decoration(number, place),
+            Surface::Wall {
+                paint,
+                number,
+                decor,
+            } => Strip::Wall {
+                paper: wallpaper(paint, number, place, decor),
+                thing: wall_decoration(number, place, decor),
+                decor,
             },
             Surface::Furniture { paint } => furniture(paint, place),
             Surface::StationFront => Strip::Station {
@@ -86,7 +96,16 @@ impl Strip {
     /// Returns the colour at a height above the floor.
     pub(crate) fn colour(&self, height: f32) -> Rgb {
         match *self {
-            Strip::Wall { paper, thing } => wall(paper, thing, height),
+            Strip::Wall {
+                paper,
+                thing,
+                decor: Decor::Home,
+            } => wall(paper, thing, height),
+            Strip::Wall {
+                paper,
+                thing,
+                decor: Decor::Laboratory,
+            } => laboratory_wall(paper, thing, height),
             Strip::Furniture { paint, top, grain } => cabinet(paint, top, grain, height),
             Strip::Station { aside, top } => station(aside, top, height),
             Strip::Plain(paint) => paint,
@@ -122,16 +141,32 @@ fn wall(paper: Rgb, thing: Option<(Thing, f32)>, height: f32) -> Rgb {
         let edge = if height > SKIRTING - 0.012 { 0.82 } else { 1.0 };
         return scaled([228.0, 226.0, 220.0], edge * contact_shadow(height));
     }
-    let colour = thing.and_then(|(thing, aside)| match thing {
+    thing_colour(thing, height).unwrap_or(paper)
+}
+
+/// Doors interrupt the skirting board.
+fn laboratory_wall(paper: Rgb, thing: Option<(Thing, f32)>, height: f32) -> Rgb {
+    const SKIRTING: f32 = 0.08;
+    thing_colour(thing, height).unwrap_or(match height {
+        _ if height < SKIRTING => scaled([150.0, 147.0, 150.0], contact_shadow(height)),
+        _ => paper,
+    })
+}
+
+fn thing_colour(thing: Option<(Thing, f32)>, height: f32) -> Option<Rgb> {
+    let (thing, aside) = thing?;
+    match thing {
         Thing::Picture(kind) => picture(aside, height, kind),
         Thing::Window => window(aside, height),
         Thing::Door => door(aside, height),
-    });
-    colour.unwrap_or(paper)
+        Thing::WhiteDoor => white_door(aside, height),
+        Thing::Whiteboard => whiteboard(aside, height),
+        Thing::Switch => switch(aside, height),
+    }
 }
 
-fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint) -> Rgb {
-    let stripe = if (place.along / 0.18) as i32 % 2 == 0 {
+fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint, decor: Decor) -> Rgb {
+    let stripe = if decor == Decor::Laboratory || (place.along / 0.18) as i32 % 2 == 0 {
         1.0
     } else {
         0.955
@@ -143,7 +178,7 @@ fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint) -> Rgb {
 }
 
 /// Returns the thing on the wall in the bay at `place`, if any, and the offset from its centre.
-fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
+fn wall_decoration(number: u32, place: SurfacePoint, decor: Decor) -> Option<(Thing, f32)> {
     let bay = (place.along / BAY) as i32;
     let middle = (bay as f32 + 0.5) * BAY;
     if middle + BAY / 2.0 > place.length || place.top < DOOR + 0.1 {
@@ -151,13 +186,50 @@ fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     }
     let aside = place.along - middle;
     let kind = scatter(number as i32, bay + 100);
-    let thing = match kind {
-        _ if kind < 0.30 => Thing::Picture(kind / 0.30),
-        _ if kind < 0.55 => Thing::Window,
-        _ if kind < 0.70 => Thing::Door,
+    let thing = match (decor, kind) {
+        (Decor::Home, _) if kind < 0.30 => Thing::Picture(kind / 0.30),
+        (Decor::Home, _) if kind < 0.55 => Thing::Window,
+        (Decor::Home, _) if kind < 0.70 => Thing::Door,
+        (Decor::Laboratory, _) if kind < 0.44 => Thing::Whiteboard,
+        (Decor::Laboratory, _) if kind < 0.60 => Thing::Switch,
+        (Decor::Laboratory, _) if kind > 0.70 => Thing::WhiteDoor,
         _ => return None,
     };
     Some((thing, aside))
+}
+
+/// A white leaf with a handle, in a white frame behind a dark gap.
+fn white_door(aside: f32, height: f32) -> Option<Rgb> {
+    let edge = (0.49 - aside.abs()).min(DOOR + 0.06 - height);
+    let handle = (0.30..0.40).contains(&aside) && (0.98..1.01).contains(&height);
+    match edge {
+        _ if edge < 0.0 => None,
+        _ if edge < 0.07 => Some([234.0, 232.0, 226.0]),
+        _ if edge < 0.085 || height < 0.012 => Some([128.0, 124.0, 116.0]),
+        _ if handle => Some([140.0, 140.0, 142.0]),
+        _ => Some([235.0, 228.0, 206.0]),
+    }
+}
+
+fn whiteboard(aside: f32, height: f32) -> Option<Rgb> {
+    let edge = (0.7 - aside.abs()).min(height - 0.95).min(1.95 - height);
+    let line = (height * 12.5) as i32;
+    let written = scatter((aside * 40.0 + 40.0) as i32, line) < 0.4;
+    match edge {
+        _ if edge < 0.0 => None,
+        _ if edge < 0.02 => Some([140.0, 142.0, 150.0]),
+        _ if edge > 0.15 && line % 2 == 0 && written => Some([205.0, 207.0, 224.0]),
+        _ => Some([226.0, 228.0, 240.0]),
+    }
+}
+
+fn switch(aside: f32, height: f32) -> Option<Rgb> {
+    let inside = aside.abs() < 0.06 && (0.85..0.93).contains(&height);
+    if inside {
+        Some([38.0, 38.0, 46.0])
+    } else {
+        None
+    }
 }
 
 fn picture(aside: f32, height: f32, kind: f32) -> Option<Rgb> {
@@ -243,4 +315,40 @@ fn station(aside: f32, top: f32, height: f32) -> Rgb {
 /// Ambient occlusion: returns the share of light near the floor.
 fn contact_shadow(height: f32) -> f32 {
     0.72 + 0.28 * (height * (1.0 / 0.12)).clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn laboratory_walls_are_plain_above_a_grey_skirting_board_except_for_white_doors() {
+        let wall = |number: u32, along: f32| {
+            let wall = Surface::Wall {
+                paint: [236.0; 3],
+                number,
+                decor: Decor::Laboratory,
+            };
+            wall.strip(SurfacePoint {
+                along,
+                length: 12.0,
+                top: 2.6,
+            })
+        };
+        let plain = wall(3, 0.5);
+        let mut doors = 0;
+        for i in 0..60 {
+            let along = 0.5 + 0.18 * i as f32;
+            let strip = wall(3, along);
+            let [foot, above] = [0.05, 0.5].map(|height| strip.colour(height));
+            if foot == above {
+                doors += 1;
+                continue;
+            }
+            assert_eq!(foot, plain.colour(0.05), "{along}");
+            assert_eq!(above, plain.colour(0.5), "{along}");
+            assert!(foot[0] < 0.75 * above[0], "{along}: {foot:?}");
+        }
+        assert!((10..50).contains(&doors), "{doors}");
+    }
 }

@@ -27,6 +27,9 @@ pub struct Room {
     /// Colour of the walls.
     #[serde(default = "wall_paint")]
     pub walls: Paint,
+    /// What is on the walls.
+    #[serde(default)]
+    pub decor: Decor,
 }
 
 /// Kinds of floors.
@@ -40,6 +43,19 @@ pub enum Floor {
     Tiles,
     /// A uniform colour with a fine grain.
     Concrete,
+    /// Grey tiles of 0.3 m with dark joints, which faintly reflect what stands on them.
+    GlossyTiles,
+}
+
+/// What is on the walls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decor {
+    /// Striped wallpaper, pictures, windows, doors and a light skirting board.
+    #[default]
+    Home,
+    /// One colour, white doors, whiteboards, switches and a grey skirting board.
+    Laboratory,
 }
 
 /// An inner wall.

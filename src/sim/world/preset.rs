@@ -77,6 +77,10 @@ mod tests {
         World::from_yaml(text, "w.yaml").unwrap()
     }
 
+    fn text(value: &Value) -> String {
+        serde_yaml::to_string(value).unwrap().trim().to_owned()
+    }
+
     /// Returns the lines of a YAML document of maps as `a.b.c` with their values.
     fn flat(value: &Value, path: &str, to: &mut Vec<[String; 2]>) {
         match value {
@@ -91,10 +95,11 @@ mod tests {
                     flat(value, &path, to);
                 }
             }
-            _ => {
-                let value = serde_yaml::to_string(value).unwrap();
-                to.push([path.to_owned(), value.trim().to_owned()]);
+            Value::Sequence(items) => {
+                let items: Vec<String> = items.iter().map(text).collect();
+                to.push([path.to_owned(), format!("[{}]", items.join(", "))]);
             }
+            _ => to.push([path.to_owned(), text(value)]),
         }
     }
 
@@ -178,6 +183,7 @@ mod tests {
     fn every_built_in_world_is_valid_with_a_genuine_robot() {
         for name in World::builtin_names() {
             let yaml = World::builtin_yaml(name).unwrap();
+            let yaml = yaml.replace("preset: genuine\n", "");
             read(&format!("{yaml}\npreset: genuine\n"));
         }
     }

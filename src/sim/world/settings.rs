@@ -83,6 +83,18 @@ pub struct CameraSettings {
     /// Time constant of the automatic exposure, seconds; 0 switches it off.
     #[serde(deserialize_with = "number::moment")]
     pub exposure: f64,
+    /// Mean brightness of the frame that the automatic exposure aims at, 0..=1.
+    #[serde(deserialize_with = "number::share")]
+    pub brightness: f64,
+    /// The share of its red, green and blue light that the frame lacks in its corners.
+    #[serde(deserialize_with = "channels_lost")]
+    pub vignette: [f64; 3],
+    /// Strength of the colours, 0..=1.
+    #[serde(deserialize_with = "number::share")]
+    pub saturation: f64,
+    /// Standard deviation of the lens's blur, pixels.
+    #[serde(deserialize_with = "number::softness")]
+    pub softness: f64,
     /// Delay from capturing a frame to sending it, seconds.
     #[serde(deserialize_with = "number::moment")]
     pub latency: f64,
@@ -105,6 +117,10 @@ impl Default for CameraSettings {
             noise: 0.25,
             shutter: 0.015,
             exposure: 0.0,
+            brightness: 105.0 / 255.0,
+            vignette: [0.0; 3],
+            saturation: 1.0,
+            softness: 0.0,
             latency: 0.0,
             quality: 50.0,
             subsampling: Subsampling::default(),
@@ -207,6 +223,12 @@ fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 4]
             &"k1, k2 or k1, k2, p1, p2",
         )),
     }
+}
+
+fn channels_lost<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+    #[derive(Deserialize)]
+    struct Lost(#[serde(deserialize_with = "number::lost")] f64);
+    <[Lost; 3]>::deserialize(from).map(|channels| channels.map(|Lost(share)| share))
 }
 
 /// How the tracks follow their commands, differ and slip. By default they are perfect.

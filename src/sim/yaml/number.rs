@@ -89,6 +89,10 @@ ranges! {
     hertz = 40.0..=7000.0, "hertz";
     quality = 1.0..=100.0, "100 is best";
     moment = 0.0..=2.0, "seconds";
+    /// Standard deviation of a blur.
+    softness = 0.0..=2.0, "pixels";
+    /// Share of the light that is lost.
+    lost = 0.0..=0.95, "0 is none";
     /// Share by which tracks differ or slip.
     slip = 0.0..=0.5, "1 is all";
     /// Least power that moves a track.
