@@ -19,7 +19,7 @@ end)
 
 scenario("reports an error when the station cannot be found", { may_fail = true }, function(sim)
 	sim:hide_station(true)
-	sim:run({ "dock_now.lua", params = { retries = 0, timeout = 30 } })
+	sim:run({ "dock_now.lua", params = { retries = 0, timeout = 30, places = 0 } })
 	expect(sim:wait_until(function() return sim:ended() end, 120), "it ends")
 	expect(sim:ended() == "error")
 	expect(sim:sounds()[1].name == "alarm")
