@@ -9,6 +9,7 @@ mod blobs;
 mod camera;
 mod colour;
 mod frame_analyser;
+mod glance;
 mod jpeg;
 mod line;
 mod motion;
@@ -26,6 +27,7 @@ pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, NamedColour, Span};
 
 pub use frame_analyser::{Damage, FrameAnalyser};
+pub use glance::{Glance, drove_forwards};
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};

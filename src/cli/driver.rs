@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-use tokio::sync::mpsc;
+use tokio::runtime;
+use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::handle_signals;
@@ -12,9 +13,12 @@ use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, PilotClient, PilotClientError, PilotSetup, RunningPilot};
 use crate::behaviour::Launch;
 use crate::guardian::GuardianFiles;
-use crate::pilot::{Connector, Settings, Status};
+use crate::pilot::{Connector, Heartbeat, Settings, Status};
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
+use crate::robot::{
+    BehaviourId, DockEnd, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
+};
+use crate::wire::Stream;
 
 const DRIVER_ID: BehaviourId = BehaviourId(0);
 
@@ -27,6 +31,7 @@ pub(super) struct DriverParts {
 /// Drives the robot through a client of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
+    frames: watch::Receiver<Pictures>,
     /// Set once the robot is connected.
     client: Option<PilotClient>,
     pilot: RunningPilot,
@@ -40,8 +45,19 @@ pub(super) async fn drive(
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let core = driving_core()?;
+    let heartbeat = heartbeat(parts.settings.simulated, GuardianFiles::default())?;
+    drive_on(core.handle(), Some(heartbeat), parts, job).await
+}
+
+/// The same on this runtime; in virtual time without a heartbeat, and then without signals.
+pub(super) async fn drive_on(
+    core: &runtime::Handle,
+    heartbeat: Option<Heartbeat>,
+    parts: DriverParts,
+    job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let mut driver = Driver::launch(parts, core.handle(), &stop)?;
+    let mut driver = Driver::launch(parts, core, heartbeat, &stop)?;
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
@@ -70,7 +86,8 @@ async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = 
 impl Driver {
     fn launch(
         parts: DriverParts,
-        core: &tokio::runtime::Handle,
+        core: &runtime::Handle,
+        heartbeat: Option<Heartbeat>,
         stop: &CancellationToken,
     ) -> Result<Driver, Failure> {
         let DriverParts {
@@ -78,22 +95,25 @@ impl Driver {
             settings,
             rescue,
         } = parts;
-        let heartbeat = heartbeat(settings.simulated, GuardianFiles::default())?;
-        let mut setup = PilotSetup::new(settings, connector, core.clone(), Some(heartbeat));
+        let is_real_time = heartbeat.is_some();
+        let mut setup = PilotSetup::new(settings, connector, core.clone(), heartbeat);
         let requests = setup.requests();
-        handle_signals(core, requests.clone(), stop.clone())?;
+        if is_real_time {
+            handle_signals(core, requests.clone(), stop.clone())?;
+        }
         if let Some(rescue) = rescue {
             setup.stand_by(launcher()?, rescue);
         }
         Ok(Driver {
             requests,
+            frames: setup.frames(),
             client: None,
             pilot: setup.launch(stop),
         })
     }
 
     async fn connect(&mut self) -> Result<(), Failure> {
-        self.pilot.connected().await.map_err(failed)?;
+        self.connected().await?;
         let client = PilotClient::join(
             self.requests.clone(),
             DRIVER_ID,
@@ -110,6 +130,26 @@ impl Driver {
 
     pub(super) fn status(&self) -> Status {
         self.pilot.status()
+    }
+
+    /// The camera's pictures, while [`Driver::show`] has them on.
+    pub(super) fn frames(&self) -> watch::Receiver<Pictures> {
+        self.frames.clone()
+    }
+
+    /// Switches the camera on or off.
+    pub(super) async fn show(&mut self, on: bool) -> Result<(), Failure> {
+        let stream = Stream::Video;
+        let asked = self
+            .pilot_client()?
+            .send_intent(Intent::Stream { stream, on });
+        let asked = asked.await;
+        self.answered(asked).await
+    }
+
+    /// Waits until the robot is connected.
+    pub(super) async fn connected(&mut self) -> Result<(), Failure> {
+        self.pilot.connected().await.map_err(failed)
     }
 
     /// Drives for this long and returns how the motion ended.

@@ -1,6 +1,9 @@
 //! `spykee doctor`: works with and without a robot, and reports problems by its exit code.
 
-use crate::rig::{Rig, Run, assert_contains};
+use spykee::config::Config;
+use spykee::sim::{Firmware, World};
+
+use crate::rig::{Rig, Run, assert_contains, docked};
 
 async fn doctor(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run: Run = rig.spykee(&[&["doctor"], args].concat());
@@ -63,4 +66,38 @@ async fn the_config_in_the_current_folder_is_found_and_checked() {
     assert_eq!(run.code().await, Some(3));
     let text = run.text();
     assert_contains(&text, &["FAIL  config", "did you mean 'low'?"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stranger_is_described_and_its_config_is_written_once() {
+    let firmware = Firmware {
+        stops_on_disconnect: true,
+        ..Firmware::default()
+    };
+    let rig = Rig::new(World::builtin_yaml("classroom").unwrap(), firmware).await;
+    let flags = ["--robot", &rig.address, "--first", "--yes"];
+    let (code, text) = doctor(&rig, &flags).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(
+        &text,
+        &[
+            "measured   executes commands     at once",
+            "not known  leaves its station",
+            "measured   POWER is              a share",
+            "measured   without a connection  it stops by itself",
+            "Written to spykee.yaml",
+        ],
+    );
+    let config = Config::load(&rig.folder().join("spykee.yaml")).unwrap();
+    assert_eq!(config.robot.unwrap().to_string(), rig.address);
+    assert!(!rig.sim.state().moving());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_person_nothing_moves() {
+    let rig = Rig::new(&docked(), Firmware::default()).await;
+    let (code, text) = doctor(&rig, &["--robot", &rig.address, "--first"]).await;
+    assert_eq!(code, Some(2), "{text}");
+    assert_contains(&text, &["needs a person", "--yes", "What this robot is"]);
+    assert!(rig.sim.state().docked && !rig.folder().join("spykee.yaml").exists());
 }

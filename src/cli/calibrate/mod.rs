@@ -1,8 +1,10 @@
 //! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn.
 
 mod measure;
-mod person;
+pub(super) mod person;
 mod simulated;
+
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -11,7 +13,7 @@ use super::driver::{Driver, drive};
 use super::robot::TargetArgs;
 use super::{Exit, Failure, block_on, print};
 use crate::pilot::Status;
-use crate::robot::MotionEnd;
+use crate::robot::{MotionEnd, Setpoint};
 use crate::safety::WatchdogState;
 use crate::script::Calibration;
 
@@ -63,7 +65,7 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
 }
 
 /// Returns an error with help if the robot may not drive.
-fn ready(status: Status) -> Result<(), Failure> {
+pub(super) fn ready(status: Status) -> Result<(), Failure> {
     if status.low {
         let failure = Failure::new(Exit::Safety, "the battery is low: the robot may not drive");
         return Err(failure.help("charge the robot first"));
@@ -77,8 +79,17 @@ fn ready(status: Status) -> Result<(), Failure> {
 
 /// Drives one step. A step that is cut short is an error: it would spoil the measurement.
 async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
+    drive_once(driver, plan.setpoint, plan.duration).await
+}
+
+/// Drives once; a motion that is cut short is an error.
+pub(super) async fn drive_once(
+    driver: &mut Driver,
+    setpoint: Setpoint,
+    duration: Duration,
+) -> Result<(), Failure> {
     ready(driver.status())?;
-    let end = driver.run(plan.setpoint, plan.duration).await?;
+    let end = driver.run(setpoint, duration).await?;
     let (exit, help) = match end {
         MotionEnd::Done => return Ok(()),
         MotionEnd::Safety => (Exit::Safety, "charge the robot first"),

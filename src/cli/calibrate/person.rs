@@ -85,7 +85,7 @@ fn say(json: bool, text: &str) -> Result<(), Failure> {
 }
 
 /// Waits for a line on a separate thread, so that the pilot keeps running and Ctrl-C works.
-async fn answer() -> Result<String, Failure> {
+pub(in crate::cli) async fn answer() -> Result<String, Failure> {
     let typed = tokio::task::spawn_blocking(line).await;
     typed.unwrap_or_else(|error| Err(Failure::internal(format_args!("no answer: {error}"))))
 }
@@ -98,8 +98,10 @@ fn line() -> Result<String, Failure> {
         .read_line(&mut line);
     match read {
         Ok(1..) => Ok(line.trim().to_owned()),
-        Ok(0) => Err(Failure::usage("no answer: the calibration needs a person")
-            .help("--sim measures without a person")),
+        Ok(0) => Err(
+            Failure::usage("no answer: this needs a person at the terminal")
+                .help("--sim measures without a person"),
+        ),
         Err(error) => Err(Failure::io("read the answer", error)),
     }
 }

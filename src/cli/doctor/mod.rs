@@ -1,6 +1,7 @@
 //! `spykee doctor`: checks everything that running behaviours on a robot needs.
 
 mod computer;
+mod first;
 mod network;
 
 use serde::Serialize;
@@ -14,9 +15,15 @@ use crate::sanitize;
 ///
 /// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. If a robot is named,
 /// the command logs in for some seconds and stops the tracks.
+///
+/// With --first it then gets to know a robot, with a person beside it, in about ten minutes: how its
+/// program executes commands, what its battery level means, how it leaves its station, the least
+/// power that moves it, and whether it stops without a connection. It says what it will do, asks
+/// before each motion, and writes the config, or prints its lines if there is one.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
+                        spykee doctor --robot 172.17.6.1 --first\n  \
                         spykee doctor --config spykee.yaml --json"
 )]
 pub(super) struct DoctorArgs {
@@ -26,6 +33,14 @@ pub(super) struct DoctorArgs {
     /// Print a JSON array
     #[arg(long)]
     json: bool,
+
+    /// Then find out what is not known of the robot: drives it
+    #[arg(long, conflicts_with = "json")]
+    first: bool,
+
+    /// With --first: ask nobody before a motion
+    #[arg(long, requires = "first")]
+    yes: bool,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -121,7 +136,11 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
         &settings,
         &mut report,
     ))??;
-    report.end()
+    let exit = report.end()?;
+    if !args.first || exit != Exit::Done {
+        return Ok(exit);
+    }
+    first::run(args, args.yes)
 }
 
 /// Loads the settings. Reports an invalid config and falls back to the defaults.

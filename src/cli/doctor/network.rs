@@ -13,7 +13,7 @@ use crate::cli::robot_target::ChosenRobot;
 use crate::cli::startup::is_stopped;
 use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
-use crate::link::{self, Executes, LinkError, Session, Target, discover};
+use crate::link::{self, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
 use crate::robot::Battery;
 use crate::vision::validate_markers;
@@ -26,6 +26,10 @@ const VIDEO_PERIOD: Duration = Duration::from_secs(3);
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
+/// Questions that measure how fast it executes.
+const QUESTIONS: usize = 8;
+/// How long another message of an answer may take.
+const QUIET: Duration = Duration::from_secs(1);
 /// A robot that needs less time for a command executes it at once, as far as people can tell.
 const AT_ONCE: Duration = Duration::from_millis(20);
 /// Frames per second below which behaviours cannot follow anything.
@@ -157,7 +161,7 @@ async fn check_link(
         return Ok(Err(failure));
     }
     let execution = execution(session).await?;
-    if let Err(failure) = report.add(execution) {
+    if let Err(failure) = report.add(execution_result(&execution)) {
         return Ok(Err(failure));
     }
     let video = video(session).await?;
@@ -227,29 +231,74 @@ async fn latency(session: &mut Session) -> Result<CheckResult, LinkError> {
 }
 
 /// Whether the robot's program answers questions, and how fast it executes what it is sent.
-async fn execution(session: &mut Session) -> Result<CheckResult, LinkError> {
-    let began = Instant::now();
-    session.writer.ask(began)?;
-    while !session.writer.is_executed() {
-        match timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await {
-            Ok(report) => session.writer.answer(&report?, Instant::now()),
-            Err(_) => break,
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Execution {
+    /// It answers none.
+    Silent,
+    /// It answers this one, faster than can be told.
+    AtOnce(Command),
+    /// It answers this one; the number it executes per second.
+    PerSecond(Command, f64),
+}
+
+impl Execution {
+    /// The question that it answers.
+    pub(super) fn question(&self) -> Option<&Command> {
+        match self {
+            Execution::Silent => None,
+            Execution::AtOnce(question) | Execution::PerSecond(question, _) => Some(question),
         }
     }
-    let Executes::Every(period) = session.writer.executes(Instant::now()) else {
-        let found = "the robot does not say what it has executed";
-        let help =
-            "a stop counts as acknowledged, not as executed, and five commands a second are sent";
-        return Ok(CheckResult::warn("commands", found, help));
-    };
-    let per_second = 1.0 / period.as_secs_f64();
-    let speed = if period < AT_ONCE {
-        "at once".to_owned()
-    } else {
-        format!("about {per_second:.0} a second")
+}
+
+/// Sends questions all at once: the time from one answer to the next is that of one command. CONFIG
+/// never comes unasked, as POWER does, but may come in several messages.
+pub(super) async fn execution(session: &mut Session) -> Result<Execution, LinkError> {
+    for question in [Command::ConfigQuery, Command::PowerQuery] {
+        let questions = vec![question.clone(); QUESTIONS];
+        session.writer.write(&questions).await?;
+        let mut answers = Vec::new();
+        let mut until = Instant::now() + REPLY_TIMEOUT;
+        while let Ok(report) = timeout_at(until, session.reader.next()).await {
+            let is_answer = match report? {
+                Report::Config(_) => question == Command::ConfigQuery,
+                Report::Power(_) => question == Command::PowerQuery,
+                _ => false,
+            };
+            if is_answer {
+                answers.push(Instant::now());
+                let is_complete = answers.len().is_multiple_of(QUESTIONS);
+                until = Instant::now() + if is_complete { QUIET } else { REPLY_TIMEOUT };
+            }
+        }
+        let messages_each = (answers.len() / QUESTIONS).max(1);
+        // The first question may have waited for other commands.
+        if let [first, .., last] = answers[(messages_each - 1).min(answers.len())..] {
+            let others = answers.len() / messages_each - 1;
+            let period = (last - first) / others as u32;
+            return Ok(if period < AT_ONCE {
+                Execution::AtOnce(question)
+            } else {
+                Execution::PerSecond(question, 1.0 / period.as_secs_f64())
+            });
+        }
+    }
+    Ok(Execution::Silent)
+}
+
+fn execution_result(execution: &Execution) -> CheckResult {
+    let speed = match execution {
+        Execution::Silent => {
+            let found = "the robot does not say what it has executed";
+            let help = "a stop counts as acknowledged, not as executed, and five commands a second \
+                        are sent";
+            return CheckResult::warn("commands", found, help);
+        }
+        Execution::AtOnce(_) => "at once".to_owned(),
+        Execution::PerSecond(_, rate) => format!("about {rate:.0} a second"),
     };
     let found = format!("the robot executes them {speed}, and says so");
-    Ok(CheckResult::ok("commands", found))
+    CheckResult::ok("commands", found)
 }
 
 async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
