@@ -35,6 +35,10 @@ const JITTER: Duration = Duration::from_millis(50);
 const MEASURE_INTERVAL: Duration = Duration::from_secs(60);
 /// The time for one message of a robot that need not be measured again.
 const FAST: Duration = Duration::from_millis(30);
+/// A robot that sends POWER so often unasked ...
+const MANY_UNASKED: u32 = 3;
+/// ... within this time is asked another kind of question: its answers cannot be told from the rest.
+const UNASKED_SPAN: Duration = Duration::from_secs(2);
 /// The most questions whose answers are awaited.
 const MAX_QUESTIONS: usize = 16;
 
@@ -74,9 +78,19 @@ struct Answered {
     written: u64,
 }
 
+/// POWER that nobody has asked for.
+#[derive(Debug, Clone, Copy)]
+struct Unasked {
+    since: Instant,
+    count: u32,
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
     question: Command,
+    unasked: Option<Unasked>,
+    /// The number of questions that a later answer has settled: their own may still come.
+    settled: usize,
     /// Whether it answers questions; `None`: not known yet.
     answers: Option<bool>,
     /// The number of answers.
@@ -102,6 +116,8 @@ impl Default for Pace {
     fn default() -> Pace {
         Pace {
             question: Command::PowerQuery,
+            unasked: None,
+            settled: 0,
             answers: None,
             seen: 0,
             period: CAUTIOUS,
@@ -148,11 +164,13 @@ impl Pace {
     /// answer: ask twice where that matters.
     pub(super) fn answer(&mut self, network: Duration, now: Instant) {
         let Some(oldest) = self.open.front() else {
+            self.note_unasked(now);
             return;
         };
         let again = oldest.at + ASK_AGAIN;
         let asked_again = self.open.back().is_some_and(|newest| newest.at >= again);
         let question = if asked_again {
+            self.settled = self.open.len() - 1;
             self.open.drain(..).next_back()
         } else {
             self.open.pop_front()
@@ -181,6 +199,41 @@ impl Pace {
         let behind = self.written - question.written + 1;
         let behind = u32::try_from(behind).unwrap_or(u32::MAX);
         self.busy_until = Some(now + self.spacing().saturating_mul(behind));
+    }
+
+    fn note_unasked(&mut self, now: Instant) {
+        if self.question != Command::PowerQuery {
+            return;
+        }
+        if self.settled > 0 {
+            self.settled -= 1;
+            return;
+        }
+        let unasked = match self.unasked {
+            Some(Unasked { since, count }) if now < since + UNASKED_SPAN => Unasked {
+                since,
+                count: count + 1,
+            },
+            _ => Unasked {
+                since: now,
+                count: 1,
+            },
+        };
+        self.unasked = Some(unasked);
+        if unasked.count >= MANY_UNASKED {
+            self.question = Command::ConfigQuery;
+            self.answers = None;
+            self.forget_speed();
+        }
+    }
+
+    /// What was measured is not believed any more.
+    fn forget_speed(&mut self) {
+        self.open.clear();
+        self.seen = 0;
+        self.last_answer = None;
+        self.period = self.period.max(CAUTIOUS);
+        self.measured = false;
     }
 
     /// If it was busy from the last answer to this one, the time between them is that of the messages
@@ -279,10 +332,8 @@ impl Pace {
         if !self.open.front().is_some_and(waits) {
             return;
         }
-        self.open.clear();
-        self.seen = 0;
-        self.period = self.period.max(CAUTIOUS);
-        self.measured = false;
+        self.settled = self.open.len();
+        self.forget_speed();
         if self.answers.is_none() && self.question == Command::PowerQuery {
             self.question = Command::ConfigQuery;
         } else {
@@ -348,5 +399,58 @@ impl Pace {
 
     fn free_at(&self, now: Instant) -> Instant {
         self.busy_until.map_or(now, |busy| busy.max(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn ask(pace: &mut Pace, now: Instant) {
+        pace.wrote(true, now);
+    }
+
+    fn answer(pace: &mut Pace, now: Instant) {
+        pace.answer(Duration::ZERO, now);
+    }
+
+    #[test]
+    fn a_robot_that_sends_power_unasked_is_asked_what_it_does_not_send_by_itself() {
+        let start = Instant::now();
+        let mut pace = Pace::default();
+        for round in 0..4 {
+            ask(&mut pace, start + 600 * round * MS);
+            answer(&mut pace, start + (600 * round + 10) * MS);
+        }
+        assert!(matches!(pace.executes(), Executes::Every(_)));
+        for burst in 0..3 {
+            answer(&mut pace, start + (2000 + 20 * burst) * MS);
+        }
+        assert_eq!(pace.question(), Command::ConfigQuery);
+        assert_eq!(pace.executes(), Executes::Unknown);
+        let now = start + 2100 * MS;
+        assert!(pace.is_question_due(now));
+        ask(&mut pace, now);
+        answer(&mut pace, now + 400 * MS);
+        assert!(matches!(pace.executes(), Executes::Every(period) if period >= CAUTIOUS));
+    }
+
+    #[test]
+    fn a_level_every_five_seconds_and_late_answers_change_nothing() {
+        let start = Instant::now();
+        let mut pace = Pace::default();
+        for second in 0..60 {
+            answer(&mut pace, start + 5000 * second * MS);
+        }
+        let now = start + 300_000 * MS;
+        for question in 0..8 {
+            ask(&mut pace, now + 1000 * question * MS);
+        }
+        for late in 0..8 {
+            answer(&mut pace, now + (9000 + late) * MS);
+        }
+        assert_eq!(pace.question(), Command::PowerQuery);
     }
 }

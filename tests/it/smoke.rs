@@ -136,7 +136,7 @@ fn expect_home(place: Place, starts: &[Start], least: usize) {
 
 /// Every STOP on robots of these speeds is executed in time, and nothing moves them afterwards.
 fn expect_stops(speeds: &[Option<f64>]) {
-    let cells = queue::play_all(speeds, &Driver::ALL, 1, 2);
+    let cells = queue::play_all(speeds, &Driver::ALL, 2, 2);
     let rows: Vec<String> = cells
         .iter()
         .map(|(trial, cell)| queue::row(trial, cell))

@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use spykee::robot::channel::Request;
 use spykee::script;
 use spykee::sim::{
-    BatterySettings, Firmware, Handle, Point, ReceivedCommand, TrackSettings, World,
+    BatterySettings, Firmware, Handle, Point, PowerReading, ReceivedCommand, TrackSettings, World,
 };
 use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Sound};
@@ -162,9 +162,13 @@ fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { .. }) && *command != Command::STOP
 }
 
-/// Plays one robot: it drives for a random time, and is stopped.
+/// Plays one robot: it drives for a random time, and is stopped. Every second one reports a voltage,
+/// which changes with each motion: such reports are no answers to questions.
 pub fn play(trial: &Trial) -> Stopped {
-    let world = trial.driver.world();
+    let mut world = trial.driver.world();
+    if trial.seed.is_multiple_of(2) {
+        world.battery.power = PowerReading::Voltage;
+    }
     simulation::run(
         world,
         options(trial.speed, trial.seed),
