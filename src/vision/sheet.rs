@@ -105,7 +105,7 @@ pub struct Sheet {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum SheetError {
     /// Nothing bright has four straight sides.
-    #[error("no white sheet of paper is in the picture")]
+    #[error("no whole sheet of white paper is in the picture")]
     NoSheet,
     /// There is something with four sides that is no such sheet, or a bent one.
     #[error("what is white in the picture does not have the shape of a flat sheet of paper")]
@@ -596,5 +596,244 @@ impl Fitting<'_> {
             .component_mul(&(units * units.transpose()));
         let excess = (self.squares(unknowns) / 2.0).max(1.0);
         Some(excess * covariance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ImageBuffer, Rgb, RgbImage};
+    use imageproc::filter::gaussian_blur_f32;
+    use rand::rngs::StdRng;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    const SIZE: Size = Size {
+        width: 320,
+        height: 240,
+    };
+
+    /// Paper on a tiled floor, in front of a wall.
+    #[derive(Debug, Clone)]
+    struct Scene {
+        camera: Camera,
+        /// The middle of each sheet, and the radians by which it is turned.
+        sheets: Vec<(FloorPosition, f64)>,
+        sides: [f64; 2],
+        printed: bool,
+        /// Levels; more than 255 is overexposed.
+        floor: f64,
+        paper: f64,
+        wall: f64,
+        /// Pixels.
+        blur: f64,
+        noise: f64,
+    }
+
+    impl Scene {
+        fn new(height: f64, pitch: f64, roll: f64) -> Scene {
+            let camera = Camera {
+                height,
+                pitch,
+                roll,
+                ..Camera::default()
+            };
+            Scene {
+                camera,
+                sheets: Vec::new(),
+                sides: Paper::A4.sides(),
+                printed: true,
+                floor: 120.0,
+                paper: 270.0,
+                wall: 190.0,
+                blur: 0.9,
+                noise: 2.0,
+            }
+        }
+
+        fn with(mut self, ahead: f64, left: f64, turned: f64) -> Scene {
+            self.sheets.push((FloorPosition { ahead, left }, turned));
+            self
+        }
+
+        fn random(random: &mut StdRng) -> Scene {
+            let mut between = |least: f64, most: f64| random.random_range(least..most);
+            let mut scene =
+                Scene::new(between(0.25, 0.32), between(-20.0, 2.0), between(-8.0, 8.0));
+            let place =
+                scene
+                    .camera
+                    .floor_position(between(110.0, 210.0), between(150.0, 190.0), SIZE);
+            let place = place.expect("a row below the horizon");
+            scene = scene.with(place.ahead, place.left, between(0.0, 6.3));
+            scene.printed = between(0.0, 1.0) < 0.5;
+            scene.floor = between(50.0, 170.0);
+            scene.paper = between((scene.floor + 60.0).max(160.0), 350.0);
+            scene.blur = between(0.6, 1.4);
+            scene.noise = between(0.0, 8.0);
+            scene
+        }
+
+        /// Light from a place on the floor.
+        fn level(&self, place: FloorPosition) -> f64 {
+            for (middle, turned) in &self.sheets {
+                let (sin, cos) = turned.sin_cos();
+                let ahead = place.ahead - middle.ahead;
+                let left = place.left - middle.left;
+                let along = cos * ahead + sin * left;
+                let across = cos * left - sin * ahead;
+                if along.abs() < self.sides[0] / 2.0 && across.abs() < self.sides[1] / 2.0 {
+                    let is_print = along.abs() < self.sides[0] / 2.0 - 0.03
+                        && across.abs() < self.sides[1] / 2.0 - 0.03
+                        && ((along / 0.03).floor() + (across / 0.03).floor()) % 2.0 == 0.0;
+                    let share = if self.printed && is_print { 0.15 } else { 1.0 };
+                    return share * self.paper;
+                }
+            }
+            let is_joint = [place.ahead, place.left]
+                .iter()
+                .any(|way| (way + 9.0) % 0.3 < 0.005);
+            if is_joint {
+                0.7 * self.floor
+            } else {
+                self.floor
+            }
+        }
+
+        /// What the camera sees, with 2x2 samples a pixel; too bright light is cut off after the
+        /// lens has blurred it.
+        fn picture(&self, random: &mut StdRng) -> Image {
+            let light = ImageBuffer::from_fn(640, 480, |column, row| {
+                let x = f64::from(column) / 2.0 - 0.25;
+                let y = f64::from(row) / 2.0 - 0.25;
+                let place = self.camera.floor_position(x, y, SIZE);
+                let place = place.filter(|place| place.ahead < 3.0);
+                Luma([place.map_or(self.wall, |place| self.level(place)) as f32])
+            });
+            let light = gaussian_blur_f32(&light, 2.0 * self.blur as f32);
+            let pixels = RgbImage::from_fn(320, 240, |x, y| {
+                let samples = [(0, 0), (0, 1), (1, 0), (1, 1)];
+                let levels = samples.map(|(right, down)| light[(2 * x + right, 2 * y + down)].0[0]);
+                let noise = self.noise * random.random_range(-1.0..1.0);
+                Rgb([(f64::from(levels.iter().sum::<f32>()) / 4.0 + noise) as u8; 3])
+            });
+            Image::from_rgb(&pixels)
+        }
+
+        fn measured(&self) -> Result<SheetPose, SheetError> {
+            let image = self.picture(&mut StdRng::seed_from_u64(1));
+            pose_from_sheets(&image, Camera::default(), Paper::A4)
+        }
+    }
+
+    #[test]
+    fn the_truth_is_within_the_stated_uncertainty() {
+        let mut found = 0;
+        let mut inside = [0; 3];
+        for seed in 0..60 {
+            let random = &mut StdRng::seed_from_u64(seed);
+            let scene = Scene::random(random);
+            let Ok(measured) =
+                pose_from_sheets(&scene.picture(random), Camera::default(), Paper::A4)
+            else {
+                continue;
+            };
+            found += 1;
+            let off = (pose(&measured.camera) - pose(&scene.camera)).abs();
+            for index in 0..3 {
+                inside[index] += u32::from(off[index] <= measured.uncertainty[index]);
+                let limit = [0.03, 1.5, 1.5][index];
+                assert!(off[index] <= limit, "{seed}: {scene:?} {measured:?}");
+            }
+        }
+        assert!(found >= 45, "{found}");
+        assert!(
+            inside.iter().all(|count| 100 * count >= 93 * found),
+            "{inside:?} of {found}"
+        );
+    }
+
+    #[test]
+    fn two_sheets_tell_more_than_one_and_say_whether_they_agree() {
+        let near = Scene::new(0.29, -10.0, -4.0).with(0.85, -0.03, 0.2);
+        let both = near.clone().with(1.35, 0.1, 0.8);
+        let one = near.measured().unwrap();
+        let two = both.measured().unwrap();
+        assert_eq!((one.sheets.len(), two.sheets.len()), (1, 2));
+        assert!(two.agree && two.uncertainty[1] < one.uncertainty[1]);
+        let ahead = two.sheets.iter().map(|sheet| sheet.middle.ahead);
+        assert!(ahead.clone().any(|ahead| (ahead - 0.85).abs() < 0.03));
+        assert!(ahead.clone().any(|ahead| (ahead - 1.35).abs() < 0.05));
+        // The one is a sheet of A5, half as large as the other.
+        let mut image = near.picture(&mut StdRng::seed_from_u64(1)).to_rgb();
+        let small = Scene {
+            sides: [0.21, 0.1485],
+            ..Scene::new(0.29, -10.0, -4.0).with(1.2, 0.1, 0.8)
+        };
+        let other = small.picture(&mut StdRng::seed_from_u64(2)).to_rgb();
+        for (pixel, other) in image.pixels_mut().zip(other.pixels()) {
+            pixel.0 = [pixel.0[0].max(other.0[0]); 3];
+        }
+        let image = Image::from_rgb(&image);
+        let two = pose_from_sheets(&image, Camera::default(), Paper::A4).unwrap();
+        assert!(two.sheets.len() == 2 && !two.agree, "{two:?}");
+        assert!(two.uncertainty[0] > 2.0 * one.uncertainty[0]);
+    }
+
+    #[test]
+    fn letter_paper_is_measured_as_letter() {
+        let scene = Scene {
+            sides: Paper::Letter.sides(),
+            ..Scene::new(0.28, -12.0, 3.0).with(0.8, 0.05, 0.4)
+        };
+        let image = scene.picture(&mut StdRng::seed_from_u64(1));
+        let found = pose_from_sheets(&image, Camera::default(), Paper::Letter).unwrap();
+        let off = (pose(&found.camera) - pose(&scene.camera)).abs();
+        assert!(off[0] < 0.01 && off[1] < 0.7 && off[2] < 0.7, "{found:?}");
+    }
+
+    #[test]
+    fn what_is_no_whole_flat_sheet_on_the_floor_is_refused() {
+        let scene = Scene::new(0.29, -15.0, 0.0);
+        assert_eq!(scene.measured(), Err(SheetError::NoSheet));
+        let cut = scene.clone().with(0.8, 0.3, 0.0);
+        assert_eq!(cut.measured(), Err(SheetError::Cut));
+        let strip = Scene {
+            sides: [0.4, 0.07],
+            printed: false,
+            ..scene.clone().with(0.8, 0.0, 1.2)
+        };
+        assert_eq!(strip.measured(), Err(SheetError::OtherShape));
+        let far = Scene::new(0.29, 0.0, 0.0).with(2.2, 0.0, 0.3);
+        assert_eq!(far.measured(), Err(SheetError::TooSmall));
+        for side in [1, 2, 3, 9] {
+            let tiny = Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([250; 3])));
+            let refused = pose_from_sheets(&tiny, Camera::default(), Paper::A4);
+            assert_eq!(refused, Err(SheetError::NoSheet));
+        }
+    }
+
+    #[test]
+    fn doors_windows_and_paper_on_the_wall_are_no_sheets_on_the_floor() {
+        for (left, top, width, height) in [
+            (60, 0, 90, 100),
+            (120, 20, 60, 62),
+            (130, 25, 42, 59),
+            (100, 25, 85, 60),
+        ] {
+            let scene = Scene {
+                wall: 140.0,
+                ..Scene::new(0.29, 5.0, -1.5)
+            };
+            let mut image = scene.picture(&mut StdRng::seed_from_u64(1)).to_rgb();
+            for y in top..top + height {
+                for x in left..left + width {
+                    image.put_pixel(x, y, Rgb([235; 3]));
+                }
+            }
+            let image = Image::from_rgb(&image);
+            let refused = pose_from_sheets(&image, Camera::default(), Paper::A4);
+            assert!(refused.is_err(), "{left} {top}: {refused:?}");
+        }
     }
 }

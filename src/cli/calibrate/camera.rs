@@ -72,8 +72,8 @@ fn measure(args: &CameraArgs, jpeg: &[u8]) -> Result<Exit, Failure> {
 fn help(error: SheetError) -> &'static str {
     match error {
         SheetError::NoSheet => {
-            "lay white paper flat on a darker floor, a metre in front of the robot; walls, doors and \
-             windows do not count"
+            "lay white paper flat on a darker floor, a metre in front of the robot, all four corners \
+             in the picture; walls, doors and windows do not count"
         }
         SheetError::OtherShape => {
             "lay one whole sheet of A4 paper flat on the floor, nothing on it, or say --paper letter"
