@@ -49,6 +49,8 @@ const TELLING: f64 = 6.0;
 const AGREEING: f64 = 4.0;
 /// What a useful measurement leaves open: metres, degrees, degrees.
 const USEFUL: [f64; 3] = [0.04, 4.0, 4.0];
+/// What a person may round a measurement by: metres, degrees, degrees.
+const CAREFUL: [f64; 3] = [0.01, 1.0, 1.0];
 /// Poses of a robot's camera; anything else is a sheet that does not lie on the floor.
 const HEIGHTS: std::ops::RangeInclusive<f64> = 0.12..=0.6;
 const PITCHES: std::ops::RangeInclusive<f64> = -50.0..=30.0;
@@ -124,8 +126,8 @@ pub enum SheetError {
 /// A position in the picture: column and row.
 type Point = Vector2<f64>;
 
-/// Finds white sheets of this paper on the floor, and computes the camera's pose from them; the lens
-/// is that of `camera`.
+/// Finds white sheets of this paper on the floor, and computes the camera's pose from them; the
+/// lens is that of `camera`.
 pub fn pose_from_sheets(
     image: &Image,
     camera: Camera,
@@ -148,6 +150,12 @@ fn pose(camera: &Camera) -> Vector3<f64> {
 }
 
 impl SheetPose {
+    /// Whether this camera is where the sheets say, as far as they and a person's care can tell.
+    pub fn fits(&self, camera: &Camera) -> bool {
+        let off = (pose(camera) - pose(&self.camera)).abs();
+        (0..3).all(|index| off[index] <= self.uncertainty[index] + CAREFUL[index])
+    }
+
     /// The mean, weighted by what each sheet knows.
     fn new(camera: Camera, sheets: Vec<Sheet>) -> Option<SheetPose> {
         let information: Matrix3<f64> = sheets.iter().map(|sheet| sheet.information).sum();

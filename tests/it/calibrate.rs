@@ -151,7 +151,7 @@ async fn a_person_is_guided_and_gets_the_line_for_the_config() {
 }
 
 /// A room with a sheet of A4 paper, seen by a camera in this pose.
-fn paper_world(pose: &str, sheet: &str) -> String {
+pub(crate) fn paper_world(pose: &str, sheet: &str) -> String {
     format!(
         "room: {{ width: 5, depth: 4, floor: tiles }}\n\
          station: {{ at: [0, 3.5], heading_degrees: 0 }}\n\

@@ -72,11 +72,12 @@ fn measure(args: &CameraArgs, jpeg: &[u8]) -> Result<Exit, Failure> {
 fn help(error: SheetError) -> &'static str {
     match error {
         SheetError::NoSheet => {
-            "lay white paper flat on a darker floor, a metre in front of the robot, all four corners \
-             in the picture; walls, doors and windows do not count"
+            "lay white paper flat on a darker floor, a metre in front of the robot, all four \
+             corners in the picture; walls, doors and windows do not count"
         }
         SheetError::OtherShape => {
-            "lay one whole sheet of A4 paper flat on the floor, nothing on it, or say --paper letter"
+            "lay one whole sheet of A4 paper flat on the floor, with nothing on it; for US paper say \
+             --paper letter"
         }
         SheetError::Cut => {
             "move the paper or the robot, so that all four corners are in the picture"
@@ -119,7 +120,7 @@ fn as_text(found: &SheetPose, configured: Camera) -> String {
     let mut text = format!(
         "camera: {{ {} }}\n\
          Paste these keys into your config, in place of those of its `camera:` if it has one.\n\
-         The truth is within {height:.3} m, {pitch:.1} and {roll:.1} degrees of it, 95 times of 100.\n",
+         In 95 of 100 pictures the truth is within {height:.3} m, {pitch:.1} and {roll:.1} degrees.\n",
         pose(&found.camera)
     );
     for sheet in &found.sheets {
@@ -143,10 +144,11 @@ fn as_text(found: &SheetPose, configured: Camera) -> String {
              another picture.\n",
         );
     }
-    let fits = (configured.height - found.camera.height).abs() <= height.max(0.02)
-        && (configured.pitch - found.camera.pitch).abs() <= pitch.max(1.0)
-        && (configured.roll - found.camera.roll).abs() <= roll.max(1.0);
-    let verdict = if fits { "fits" } else { "does not fit" };
+    let verdict = if found.fits(&configured) {
+        "fits"
+    } else {
+        "does not fit"
+    };
     let _ = writeln!(
         text,
         "What the config says {verdict}: {}",
