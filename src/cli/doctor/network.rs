@@ -134,7 +134,9 @@ async fn robot(
     report.add(CheckResult::ok("login", found))?;
     report.add(battery(&session, config))?;
     let stopped = is_stopped(config, sim.is_some());
-    match check_link(&mut session, config, stopped, report).await {
+    // In a simulation the world's camera counts, not the config's.
+    let camera = sim.is_none().then_some(config.camera);
+    match check_link(&mut session, config, camera, stopped, report).await {
         Ok(result) => result?,
         Err(error) => {
             return report.add(CheckResult::fail("link", error.to_string(), error.help()));
@@ -147,6 +149,7 @@ async fn robot(
 async fn check_link(
     session: &mut Session,
     config: &Config,
+    camera: Option<Camera>,
     stopped: bool,
     report: &mut DoctorReport,
 ) -> Result<Result<(), Failure>, LinkError> {
@@ -163,10 +166,12 @@ async fn check_link(
     }
     let (video, frame) = video(session).await?;
     let added = report.add(video);
-    match frame.and_then(|jpeg| camera_pose(&jpeg, config.camera)) {
-        Some(pose) => Ok(added.and_then(|()| report.add(pose))),
-        None => Ok(added),
+    if let (Some(camera), Some(jpeg)) = (camera, frame)
+        && let Some(pose) = camera_pose(&jpeg, camera)
+    {
+        return Ok(added.and_then(|()| report.add(pose)));
     }
+    Ok(added)
 }
 
 /// Compares the config's camera with paper on the floor, if there is any in this picture.
