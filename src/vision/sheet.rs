@@ -6,7 +6,6 @@ use image::{GrayImage, Luma};
 use imageproc::contours::{BorderType, Contour, find_contours_with_threshold};
 use imageproc::geometry::{contour_area, convex_hull};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
-use serde::Serialize;
 use thiserror::Error;
 
 use super::camera::{Camera, Direction, FloorPosition};
@@ -60,8 +59,7 @@ const STARTS: [f64; 6] = [-1.2, -0.7, -0.4, -0.2, -0.05, 0.1];
 const MAX_STEPS: usize = 60;
 
 /// A size of paper.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Paper {
     /// 297 x 210 mm.
     A4,

@@ -83,7 +83,8 @@ fn help(error: SheetError) -> &'static str {
             "move the paper or the robot, so that all four corners are in the picture"
         }
         SheetError::NotFlat => {
-            "lay it on the floor: paper that leans, hangs or is bent tells another pose"
+            "lay it flat, a metre in front of the robot: paper that leans, hangs or is far away tells \
+             another pose"
         }
         SheetError::TooSmall => "lay it nearer, half a metre to a metre in front of the robot",
     }
