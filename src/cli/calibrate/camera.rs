@@ -76,15 +76,15 @@ fn help(error: SheetError) -> &'static str {
              corners in the picture; walls, doors and windows do not count"
         }
         SheetError::OtherShape => {
-            "lay one whole sheet of A4 paper flat on the floor, with nothing on it; for US paper say \
-             --paper letter"
+            "lay one whole sheet of A4 paper flat on the floor, with nothing on it; for US paper \
+             say --paper letter"
         }
         SheetError::Cut => {
             "move the paper or the robot, so that all four corners are in the picture"
         }
         SheetError::NotFlat => {
-            "lay it flat, a metre in front of the robot: paper that leans, hangs or is far away tells \
-             another pose"
+            "lay it flat, a metre in front of the robot: paper that leans, hangs or is far away \
+             tells another pose"
         }
         SheetError::TooSmall => "lay it nearer, half a metre to a metre in front of the robot",
     }
@@ -121,7 +121,7 @@ fn as_text(found: &SheetPose, configured: Camera) -> String {
     let mut text = format!(
         "camera: {{ {} }}\n\
          Paste these keys into your config, in place of those of its `camera:` if it has one.\n\
-         In 95 of 100 pictures the truth is within {height:.3} m, {pitch:.1} and {roll:.1} degrees.\n",
+         In 95 of 100 cases the truth is within {height:.3} m, {pitch:.1} and {roll:.1} degrees.\n",
         pose(&found.camera)
     );
     for sheet in &found.sheets {
