@@ -79,9 +79,6 @@ fn help(error: SheetError) -> &'static str {
             "lay one whole sheet of A4 paper flat on the floor, with nothing on it; for US paper \
              say --paper letter"
         }
-        SheetError::Cut => {
-            "move the paper or the robot, so that all four corners are in the picture"
-        }
         SheetError::NotFlat => {
             "lay it flat, a metre in front of the robot: paper that leans, hangs or is far away \
              tells another pose"
