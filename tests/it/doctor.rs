@@ -67,7 +67,7 @@ async fn the_config_in_the_current_folder_is_found_and_checked() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_config_that_does_not_fit_paper_on_the_floor_gets_a_warning() {
-    let world = crate::calibrate::paper_world("{ pitch: -10, roll: -4 }", "[2.9, 2.05]");
+    let world = crate::calibrate::paper_world("{ pitch: -10, roll: -4 }", "[2.9, 2.055]");
     let rig = Rig::new(&world, Default::default()).await;
     let args = ["--robot", &rig.address, "--json"];
     let (code, text) = doctor(&rig, &args).await;
