@@ -50,9 +50,11 @@ const USEFUL: [f64; 3] = [0.03, 2.0, 2.0];
 const CAREFUL: [f64; 3] = [0.01, 1.0, 1.0];
 /// Poses of a robot's camera, on genuine robots 0.29 m above the floor; anything else is a sheet that
 /// does not lie on the floor, or is no sheet of this size.
-const HEIGHTS: std::ops::RangeInclusive<f64> = 0.2..=0.4;
+const HEIGHTS: std::ops::RangeInclusive<f64> = 0.23..=0.36;
 /// Paper is brighter than pale tiles: the least share of the brightest sheet's brightness.
 const AS_BRIGHT: f64 = 0.85;
+/// What is brighter than this share of a sheet's brightness is of its kind.
+const ALIKE: f64 = 0.9;
 const PITCHES: std::ops::RangeInclusive<f64> = -50.0..=30.0;
 const MAX_ROLL: f64 = 25.0;
 /// Pitches in radians from which the search starts.
@@ -307,6 +309,15 @@ impl Outline {
             Some(level)
         });
         let brightness = levels.max().unwrap_or(0);
+        // Tiles have others of their kind beyond their corners; paper lies alone.
+        let is_tile = coarse.iter().any(|corner| {
+            let beyond = middle.lerp(corner, 1.25);
+            interpolate_bilinear(luma, beyond.x as f32, beyond.y as f32)
+                .is_some_and(|Luma([level])| f64::from(level) > ALIKE * f64::from(brightness))
+        });
+        if is_tile {
+            return Err(SheetError::NoSheet);
+        }
         let mut sides = [Side::between(coarse[0], coarse[1]); 4];
         for (index, side) in sides.iter_mut().enumerate() {
             let points = edge_points(luma, coarse[index], coarse[(index + 1) % 4]);
@@ -828,6 +839,23 @@ mod tests {
             let tiny = Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([250; 3])));
             let refused = pose_from_sheets(&tiny, Camera::default(), Paper::A4);
             assert_eq!(refused, Err(SheetError::NoSheet));
+        }
+    }
+
+    #[test]
+    fn tiles_of_two_colours_are_no_paper() {
+        for (pitch, ahead) in [(-10.0, 0.8), (-18.0, 0.7), (0.0, 1.2)] {
+            let mut scene = Scene::new(0.29, pitch, 2.0);
+            scene.sides = [0.25, 0.25];
+            scene.printed = false;
+            for along in -4..5 {
+                for across in (-4..5).filter(|across| (along + across) % 2 == 0) {
+                    let left = 0.25 * f64::from(across);
+                    scene = scene.with(ahead + 0.25 * f64::from(along), left, 0.0);
+                }
+            }
+            let refused = scene.measured();
+            assert!(refused.is_err(), "{pitch}: {refused:?}");
         }
     }
 
