@@ -4,7 +4,7 @@
 mod find;
 mod learn;
 mod marked_pictures;
-mod picture;
+pub(super) mod picture;
 
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure};

@@ -131,7 +131,7 @@ impl Command {
             Command::Fleet(args) => Some(args.settings()),
             Command::Token(args) => Some(&args.settings),
             Command::Robot(args) => Some(args.settings()),
-            Command::Calibrate(args) => Some(&args.target.settings),
+            Command::Calibrate(args) => Some(args.settings()),
             Command::Doctor(args) => Some(&args.settings),
             Command::Repl(args) => Some(&args.settings),
             Command::Check(args) => Some(&args.settings),

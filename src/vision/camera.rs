@@ -193,6 +193,17 @@ impl Camera {
         })
     }
 
+    /// Where a lens without distortion would show a position.
+    pub(super) fn straighten(&self, x: f64, y: f64, size: Size) -> (f64, f64) {
+        let Slopes { right, down } = self.undistorted(self.plane(x, y, size));
+        let axis = self.axis(size);
+        let scale = scale(size.width);
+        (
+            axis.0 + self.focal[0] * scale * right,
+            axis.1 + self.focal[1] * scale * down,
+        )
+    }
+
     /// Where the picture shows what is level with the lens.
     pub(super) fn horizon(&self, size: Size) -> Horizon {
         let ahead = Direction {

@@ -149,3 +149,72 @@ async fn a_person_is_guided_and_gets_the_line_for_the_config() {
     assert!((width / TRACK_WIDTH - 1.0).abs() < 0.2, "{width}");
     assert!((speed / FULL_SPEED - 1.0).abs() < 0.2, "{speed}");
 }
+
+/// A room with a sheet of A4 paper, seen by a camera in this pose. Simulated floors are painted in
+/// squares of 1 cm: the sheet is as wide as A4 only if its middle is 5 mm beside their grid.
+pub(crate) fn paper_world(pose: &str, sheet: &str) -> String {
+    format!(
+        "room: {{ width: 5, depth: 4, floor: tiles }}\n\
+         station: {{ at: [0, 3.5], heading_degrees: 0 }}\n\
+         start: {{ at: [2, 2], heading_degrees: 0 }}\n\
+         rugs: [{{ at: {sheet}, width: 0.297, depth: 0.21, colour: '#ffffff' }}]\n\
+         light: 0.6\ncamera: {pose}\n"
+    )
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_picture_of_a_sheet_of_paper_tells_where_the_camera_is() {
+    let rig = Rig::quiet().await;
+    for (pose, wanted, sheet) in [
+        (
+            "{ pitch: -10, roll: -4 }",
+            [0.29, -10.0, -4.0],
+            "[2.9, 2.055]",
+        ),
+        (
+            "{ height: 0.31, pitch: -18 }",
+            [0.31, -18.0, 0.0],
+            "[2.8, 2.005]",
+        ),
+    ] {
+        rig.file("paper.yaml", &paper_world(pose, sheet));
+        let mut run = rig.spykee(&["calibrate", "camera", "--sim", "paper.yaml", "--json"]);
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let text = run.text();
+        let found = ["height", "pitch", "roll"].map(|key| number(&text, key));
+        assert!((found[0] - wanted[0]).abs() < 0.015, "{pose}: {text}");
+        assert!((found[1] - wanted[1]).abs() < 1.0, "{pose}: {text}");
+        assert!((found[2] - wanted[2]).abs() < 1.0, "{pose}: {text}");
+    }
+    // What it prints for people is a line of a config; a file serves as well as the robot.
+    let snapshot = [
+        "robot",
+        "snapshot",
+        "--sim",
+        "paper.yaml",
+        "-o",
+        "sheet.jpg",
+    ];
+    let mut run = rig.spykee(&snapshot);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let mut run = rig.spykee(&["calibrate", "camera", "sheet.jpg"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    let line = text.lines().find(|line| line.starts_with("camera:"));
+    let config = spykee::config::Config::parse(line.unwrap(), "pasted").unwrap();
+    assert!((config.camera.pitch + 18.0).abs() < 1.0, "{text}");
+    assert_contains(&text, &["m ahead of the camera", "does not fit"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_picture_without_a_sheet_of_paper_is_refused_with_what_to_do() {
+    let rig = Rig::quiet().await;
+    rig.file("empty.yaml", QUIET_WORLD);
+    let mut run = rig.spykee(&["calibrate", "camera", "--sim", "empty.yaml"]);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    let text = run.text();
+    assert_contains(&text, &["no whole sheet of white paper", "darker floor"]);
+    let mut run = rig.spykee(&["calibrate", "camera", "none.jpg"]);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert_contains(&run.text(), &["cannot read the picture none.jpg"]);
+}

@@ -101,3 +101,16 @@ async fn without_a_person_nothing_moves() {
     assert_contains(&text, &["needs a person", "--yes", "What this robot is"]);
     assert!(rig.sim.state().docked && !rig.folder().join("spykee.yaml").exists());
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_config_that_does_not_fit_paper_on_the_floor_gets_a_warning() {
+    let world = crate::calibrate::paper_world("{ pitch: -10, roll: -4 }", "[2.9, 2.055]");
+    let rig = Rig::new(&world, Default::default()).await;
+    let args = ["--robot", &rig.address, "--json"];
+    let (code, text) = doctor(&rig, &args).await;
+    assert_eq!((code, verdict(&text, "camera").as_str()), (Some(0), "warn"));
+    assert_contains(&text, &["spykee calibrate camera"]);
+    rig.file("spykee.yaml", "camera: { pitch: -10, roll: -4 }\n");
+    let (code, text) = doctor(&rig, &args).await;
+    assert_eq!((code, verdict(&text, "camera").as_str()), (Some(0), "ok"));
+}

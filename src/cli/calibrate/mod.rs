@@ -1,5 +1,7 @@
-//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn.
+//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn,
+//! and with `camera` where its camera is.
 
+mod camera;
 mod measure;
 pub(super) mod person;
 mod simulated;
@@ -11,6 +13,7 @@ use serde_json::json;
 use self::measure::Plan;
 use super::driver::{Driver, drive};
 use super::robot::TargetArgs;
+use super::settings::SettingsArgs;
 use super::{Exit, Failure, block_on, print};
 use crate::pilot::Status;
 use crate::robot::{MotionEnd, Setpoint};
@@ -26,8 +29,13 @@ use crate::script::Calibration;
 /// robot.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1\n  \
-                        spykee calibrate --sim --json")]
+                        spykee calibrate --sim --json\n  \
+                        spykee calibrate camera --robot 172.17.6.1")]
+#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct CalibrateArgs {
+    #[command(subcommand)]
+    what: Option<CalibrateCommand>,
+
     /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
@@ -37,10 +45,27 @@ pub(super) struct CalibrateArgs {
     seed: Option<u64>,
 
     #[command(flatten)]
-    pub(super) target: TargetArgs,
+    target: TargetArgs,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum CalibrateCommand {
+    Camera(camera::CameraArgs),
+}
+
+impl CalibrateArgs {
+    pub(super) fn settings(&self) -> &SettingsArgs {
+        match &self.what {
+            Some(CalibrateCommand::Camera(args)) => &args.target.settings,
+            None => &self.target.settings,
+        }
+    }
 }
 
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
+    if let Some(CalibrateCommand::Camera(args)) = &args.what {
+        return camera::run(args);
+    }
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.target.resolve(seed)?;
     let parts = target.driver_parts(seed)?;

@@ -13,7 +13,7 @@ const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x24
 
 /// Reads a file, at most one byte more than the maximum length of a JPEG, so that a longer one can
 /// be reported as too long.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+pub(in crate::cli) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read_beginning(path, MAX_JPEG_LEN as u64 + 1).map_err(|error| {
         Failure::usage(format_args!(
             "cannot read the picture {}: {error}",
@@ -23,7 +23,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 /// The failure for a file that is not a usable picture.
-pub(super) fn unusable(path: &Path, error: &FrameError) -> Failure {
+pub(in crate::cli) fn unusable(path: &Path, error: &FrameError) -> Failure {
     let failure = Failure::usage(format_args!("cannot use {}: {error}", path.display()));
     match error {
         FrameError::NoStart => failure.help(NO_JPEG_HELP),

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
@@ -16,7 +17,7 @@ use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
 use crate::robot::Battery;
-use crate::vision::validate_markers;
+use crate::vision::{Camera, Decoder, Paper, pose_from_sheets, validate_markers};
 use crate::wire::{Command, Report, Stream};
 
 /// Time to listen for replies to discovery.
@@ -137,7 +138,9 @@ async fn robot(
     report.add(CheckResult::ok("login", found))?;
     report.add(battery(&session, config))?;
     let stopped = is_stopped(config, sim.is_some());
-    match check_link(&mut session, config, stopped, report).await {
+    // In a simulation the world's camera counts, not the config's.
+    let camera = sim.is_none().then_some(config.camera);
+    match check_link(&mut session, config, camera, stopped, report).await {
         Ok(result) => result?,
         Err(error) => {
             return report.add(CheckResult::fail("link", error.to_string(), error.help()));
@@ -150,6 +153,7 @@ async fn robot(
 async fn check_link(
     session: &mut Session,
     config: &Config,
+    camera: Option<Camera>,
     stopped: bool,
     report: &mut DoctorReport,
 ) -> Result<Result<(), Failure>, LinkError> {
@@ -164,8 +168,35 @@ async fn check_link(
     if let Err(failure) = report.add(execution_result(&execution)) {
         return Ok(Err(failure));
     }
-    let video = video(session).await?;
-    Ok(report.add(video))
+    let (video, frame) = video(session).await?;
+    let added = report.add(video);
+    if let (Some(camera), Some(jpeg)) = (camera, frame)
+        && let Some(pose) = camera_pose(&jpeg, camera)
+    {
+        return Ok(added.and_then(|()| report.add(pose)));
+    }
+    Ok(added)
+}
+
+/// Compares the config's camera with paper on the floor, if there is any in this picture.
+fn camera_pose(jpeg: &[u8], camera: Camera) -> Option<CheckResult> {
+    let mut decoder = Decoder::default();
+    let image = decoder.decode(jpeg).ok()?;
+    let papers = [Paper::A4, Paper::Letter];
+    let measured = papers.map(|paper| pose_from_sheets(image, camera, paper).ok());
+    let found: Vec<_> = measured.into_iter().flatten().collect();
+    if found.iter().any(|pose| pose.fits(&camera)) {
+        let found = "the config's camera fits the paper on the floor";
+        return Some(CheckResult::ok("camera", found));
+    }
+    let seen = found.first().filter(|pose| pose.agree)?.camera;
+    let found = format!(
+        "the config says height {:.2} m, pitch {:.0}, roll {:.0}; paper on the floor says {:.2} m, \
+         {:.0}, {:.0}",
+        camera.height, camera.pitch, camera.roll, seen.height, seen.pitch, seen.roll
+    );
+    let help = "if there is paper on the floor, `spykee calibrate camera` measures it";
+    Some(CheckResult::warn("camera", found, help))
 }
 
 /// Opens one TCP connection and closes it at once: this takes one round trip.
@@ -301,7 +332,8 @@ fn execution_result(execution: &Execution) -> CheckResult {
     CheckResult::ok("commands", found)
 }
 
-async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
+/// Counts frames; returns an intact one too.
+async fn video(session: &mut Session) -> Result<(CheckResult, Option<Bytes>), LinkError> {
     let stream = |on| Command::Stream {
         stream: Stream::Video,
         on,
@@ -310,23 +342,24 @@ async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
     let mut frames = 0_u32;
     let mut damaged = 0_u32;
     let mut first = None;
+    let mut intact = None;
     let until = Instant::now() + VIDEO_PERIOD;
     while let Ok(report) = timeout_at(until, session.reader.next()).await {
         if let Report::Video(jpeg) = report? {
             first.get_or_insert_with(Instant::now);
             frames += 1;
-            damaged += u32::from(validate_markers(&jpeg).is_err());
+            match validate_markers(&jpeg) {
+                Ok(_) => intact = Some(jpeg),
+                Err(_) => damaged += 1,
+            }
         }
     }
     session.writer.write(&[stream(false)]).await?;
     let seconds = first
         .map_or(VIDEO_PERIOD, |first| first.elapsed())
         .as_secs_f64();
-    Ok(video_result(
-        frames,
-        damaged,
-        f64::from(frames) / seconds.max(0.1),
-    ))
+    let rate = f64::from(frames) / seconds.max(0.1);
+    Ok((video_result(frames, damaged, rate), intact))
 }
 
 fn video_result(frames: u32, damaged: u32, rate: f64) -> CheckResult {

@@ -13,6 +13,7 @@ mod upload;
 mod wav;
 
 pub(super) use session::send_home_if_low;
+pub(super) use snapshot::with_picture;
 
 use std::ops::Deref;
 

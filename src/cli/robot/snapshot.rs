@@ -37,26 +37,41 @@ pub(super) struct SnapshotArgs {
 }
 
 /// An intact frame, and the number of damaged ones before it.
-struct Shot {
-    jpeg: Bytes,
+pub(in crate::cli) struct Shot {
+    pub(in crate::cli) jpeg: Bytes,
     size: Size,
     damaged: u32,
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.target.find_run()? {
-        return match request_picture(&run, Duration::from_secs(args.timeout))? {
-            Some(shot) => save_and_report(args, &shot),
+    with_picture(&args.target, args.timeout, |shot| {
+        save_and_report(args, shot)
+    })
+}
+
+/// Takes a picture, itself or through the run that uses the robot, and has it used.
+///
+/// # Errors
+/// The config keeps video off, no intact frame arrives within these seconds, or its use fails.
+pub(in crate::cli) fn with_picture(
+    target: &SharedTargetArgs,
+    seconds: u64,
+    used: impl FnOnce(&Shot) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
+    let limit = Duration::from_secs(seconds);
+    if let Some(run) = target.find_run()? {
+        return match request_picture(&run, limit)? {
+            Some(shot) => used(&shot),
             None => Ok(Exit::Interrupted),
         };
     }
-    with_session(&args.target, async |session| {
+    with_session(target, async |session| {
         if session.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
         }
-        let shot = take_picture(session, Duration::from_secs(args.timeout)).await?;
-        save_and_report(args, &shot)
+        let shot = take_picture(session, limit).await?;
+        used(&shot)
     })
 }
 
