@@ -62,8 +62,9 @@ struct Walk {
     low: Percent,
     is_docked: bool,
     findings: Vec<Finding>,
-    /// Lines for the config.
+    /// Lines for the config, and what its `watchdog:` gets.
     lines: Vec<String>,
+    watchdog: Vec<&'static str>,
 }
 
 /// The person beside the robot; or nobody, and every motion is allowed.
@@ -144,6 +145,7 @@ pub(super) fn run(args: &DoctorArgs, yes: bool) -> Result<Exit, Failure> {
         is_docked: true,
         findings: Vec::new(),
         lines: Vec::new(),
+        watchdog: Vec::new(),
     };
     if robot.sim.is_none() {
         walk.lines.push(format!("robot: {}", robot.address));
@@ -167,7 +169,11 @@ async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> 
         standing = stand(walk, &mut connector) => standing,
     };
     standing?;
-    let parts = DriverParts { connector, ..parts };
+    let parts = DriverParts {
+        connector,
+        settings: moving::as_reported(parts.settings),
+        ..parts
+    };
     drive(parts, async |driver| move_about(walk, driver, &cut).await).await
 }
 
@@ -204,8 +210,7 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
     let asks = "Could it fall where it drives, from stairs or an edge (y/n)? Enter: not known";
     match walk.person.types(asks).await?.as_str() {
         "y" => {
-            walk.lines
-                .push("watchdog: { blind_moves: false, rescue: off } # it could fall".to_owned());
+            walk.watchdog.extend(["blind_moves: false", "rescue: off"]);
             walk.asked(
                 "can fall",
                 "yes: it does not drive by itself to find its station",
@@ -221,10 +226,14 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
 
 /// Writes the config, or prints its lines if there is one.
 fn conclude(walk: &Walk, args: &DoctorArgs) -> Result<(), Failure> {
-    let text = walk.lines.join("\n") + "\n";
-    if walk.lines.is_empty() {
+    let mut lines = walk.lines.clone();
+    if !walk.watchdog.is_empty() {
+        lines.push(format!("watchdog: {{ {} }}", walk.watchdog.join(", ")));
+    }
+    if lines.is_empty() {
         return print("\nNothing to set in the config.\n");
     }
+    let text = lines.join("\n") + "\n";
     let path = args.settings.path();
     if create(&path, &text)? {
         return print(&format!("\nWritten to {}:\n{text}", path.display()));

@@ -11,7 +11,9 @@ use super::link_cut::LinkCut;
 use crate::cli::calibrate::{drive_once, ready};
 use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
+use crate::pilot::Settings;
 use crate::robot::{MotionEnd, Pictures, Setpoint};
+use crate::safety::{Limits, PowerReading};
 use crate::vision::{Camera, Decoder, Glance};
 
 /// Powers that are tried, percent.
@@ -70,6 +72,17 @@ pub(super) async fn drive_about(
     sag(walk, driver).await?;
     disconnect(walk, driver, &mut eyes, cut, least).await?;
     driver.show(false).await
+}
+
+/// Levels as the robot reports them: whether they sag is to be seen.
+pub(super) fn as_reported(settings: Settings) -> Settings {
+    Settings {
+        limits: Limits {
+            power: PowerReading::Percent,
+            ..settings.limits
+        },
+        ..settings
+    }
 }
 
 struct View {
@@ -250,8 +263,9 @@ async fn sag(walk: &mut Walk, driver: &mut Driver) -> Result<(), Failure> {
     }
     // A share does not rise again.
     let after = level(driver).unwrap_or(least);
-    let sagged = after.get() - least.get();
+    let sagged = after.get().saturating_sub(least.get());
     if sagged >= SAG {
+        walk.watchdog.push("power: voltage");
         let found = format!("a voltage: it was {sagged} points lower while the tracks ran");
         walk.measured(WHAT, &found)
     } else {

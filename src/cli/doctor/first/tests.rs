@@ -124,11 +124,12 @@ async fn describe(simulation: &Simulation) -> Description {
         is_docked: true,
         findings: Vec::new(),
         lines: Vec::new(),
+        watchdog: Vec::new(),
     };
     stand(&mut walk, &mut connector).await.unwrap();
     let parts = DriverParts {
         connector,
-        settings: plan.settings,
+        settings: moving::as_reported(plan.settings),
         rescue: None,
     };
     let drives = async |driver: &mut Driver| move_about(&mut walk, driver, &cut).await;
