@@ -36,9 +36,9 @@ const MEASURE_INTERVAL: Duration = Duration::from_secs(60);
 /// The time for one message of a robot that need not be measured again.
 const FAST: Duration = Duration::from_millis(30);
 /// A robot that sends POWER so often unasked ...
-const MANY_UNASKED: u32 = 3;
+const MANY_UNASKED: u32 = 4;
 /// ... within this time is asked another kind of question: its answers cannot be told from the rest.
-const UNASKED_SPAN: Duration = Duration::from_secs(2);
+const UNASKED_SPAN: Duration = Duration::from_millis(500);
 /// The most questions whose answers are awaited.
 const MAX_QUESTIONS: usize = 16;
 
@@ -425,7 +425,7 @@ mod tests {
             answer(&mut pace, start + (600 * round + 10) * MS);
         }
         assert!(matches!(pace.executes(), Executes::Every(_)));
-        for burst in 0..3 {
+        for burst in 0..4 {
             answer(&mut pace, start + (2000 + 20 * burst) * MS);
         }
         assert_eq!(pace.question(), Command::ConfigQuery);
