@@ -15,6 +15,7 @@ station: { at: [0, 1.25], heading_degrees: 0 }
 battery: { level: 60, idle_drain_per_minute: 4, driving_drain_per_minute: 6, charge_per_minute: 8 }
 ";
 
+#[derive(Debug)]
 struct Stay {
     lowest: f64,
     /// The longest time off the station.
@@ -100,5 +101,6 @@ fn a_robot_docks_again_when_its_station_has_ended_charging_and_is_never_low() {
 #[test]
 fn a_person_is_called_before_the_battery_is_low_if_docking_again_does_not_help() {
     let stay = stays(4, false);
-    assert!(stay.again >= 1 && stay.alarms >= 1 && stay.lowest > 20.0);
+    let is_called = stay.again >= 1 && stay.alarms >= 1 && stay.lowest > 20.0;
+    assert!(is_called, "{stay:?}");
 }
