@@ -7,7 +7,7 @@ local floor = require("@spykee/floor")
 local DRIVE = 12 -- seconds from one place to the next
 
 local settings = params.declare({
-	retries = { default = 2, min = 0, max = 20, doc = "further tries after the first, at each place" },
+	retries = { default = 2, min = 0, max = 20, doc = "further tries after the first, where it starts" },
 	timeout = { default = 120, min = 5, max = 600, unit = "s", doc = "the longest time to search in one try" },
 	places = { default = 4, min = 0, max = 50, doc = "further places to search from, if the station is not found" },
 })

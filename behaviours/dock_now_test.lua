@@ -24,3 +24,13 @@ scenario("reports an error when the station cannot be found", { may_fail = true 
 	expect(sim:ended() == "error")
 	expect(sim:sounds()[1].name == "alarm")
 end)
+
+scenario("searches from other places when the station is not found", { world = "living_room", battery = 90, fps = 8, limit = 200, may_fail = true }, function(sim)
+	sim:place({ x = 2.2, y = 2.5, heading = 2 * math.pi * math.random() })
+	sim:hide_station(true)
+	sim:run({ "dock_now.lua", params = { retries = 0, timeout = 30, places = 2 } })
+	expect(sim:wait_until(function() return sim:ended() end, 180), "it ends")
+	expect(sim:ended() == "error" and #sim:log("driving on to search") == 2)
+	expect(sim:distance() > 0.5, "it drives to another place")
+	expect(sim:collisions() == 0, "it hits nothing")
+end)

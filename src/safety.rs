@@ -33,7 +33,7 @@ pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker, Source};
 pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
 pub use drive_grant::{DriveGrant, capped};
-pub use gauge::{MotorLoad, PowerGauge, PowerReading};
+pub use gauge::{MotorLoad, PowerGauge, PowerMeaning};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use limits::{Limits, LimitsError, Rescue, UnknownRescue};

@@ -16,7 +16,7 @@ use crate::wire::Power;
 )]
 #[serde(rename_all = "lowercase")]
 #[schemars(inline)]
-pub enum PowerReading {
+pub enum PowerMeaning {
     /// A share of the energy, until it sags twice while the tracks run: then a voltage.
     #[default]
     Auto,
@@ -55,7 +55,7 @@ struct Sag {
 /// Converts POWER into a share of the energy.
 #[derive(Debug, Clone)]
 pub struct PowerGauge {
-    reading: PowerReading,
+    meaning: PowerMeaning,
     phase: Option<Phase>,
     /// The last level at rest.
     at_rest: Option<f64>,
@@ -109,9 +109,9 @@ impl PowerGauge {
     const LARGEST_RISE: f64 = 40.0;
 
     /// Begins without a report.
-    pub fn new(reading: PowerReading) -> PowerGauge {
+    pub fn new(meaning: PowerMeaning) -> PowerGauge {
         PowerGauge {
-            reading,
+            meaning,
             phase: None,
             at_rest: None,
             sag: None,
@@ -125,7 +125,7 @@ impl PowerGauge {
 
     /// Whether the number is taken for a voltage.
     pub fn is_voltage(&self) -> bool {
-        self.reading == PowerReading::Voltage
+        self.meaning == PowerMeaning::Voltage
     }
 
     /// Takes in a report; returns it with a share of the energy. A report without a level stays as it
@@ -134,7 +134,7 @@ impl PowerGauge {
         let Some(level) = power.level().map(f64::from) else {
             return power;
         };
-        if self.reading == PowerReading::Percent {
+        if self.meaning == PowerMeaning::Percent {
             return power;
         }
         if power.charging {
@@ -234,7 +234,7 @@ impl PowerGauge {
             self.sagged = 0;
         }
         if self.sagged >= PowerGauge::PROOF {
-            self.reading = PowerReading::Voltage;
+            self.meaning = PowerMeaning::Voltage;
         }
     }
 }
@@ -263,10 +263,10 @@ mod tests {
     }
 
     impl Rig {
-        fn new(reading: PowerReading) -> Rig {
+        fn new(meaning: PowerMeaning) -> Rig {
             let now = Instant::now();
             Rig {
-                gauge: PowerGauge::new(reading),
+                gauge: PowerGauge::new(meaning),
                 now,
                 since: now,
                 effort: 0.0,
@@ -293,7 +293,7 @@ mod tests {
 
     #[test]
     fn two_motions_that_sag_prove_a_voltage() {
-        let mut rig = Rig::new(PowerReading::Auto);
+        let mut rig = Rig::new(PowerMeaning::Auto);
         assert_eq!(rig.run(0.0, [60; 4]), [60; 4]);
         assert_eq!(rig.run(0.5, [55; 4]), [55; 4]);
         assert_eq!(rig.run(0.0, [60; 4]), [60; 4]);
@@ -311,14 +311,14 @@ mod tests {
 
     #[test]
     fn a_share_of_the_energy_is_never_taken_for_a_voltage() {
-        let mut rig = Rig::new(PowerReading::Auto);
+        let mut rig = Rig::new(PowerMeaning::Auto);
         for level in (40..100).rev() {
             let effort = f64::from(level % 2);
             let jitter = if level % 3 == 0 { 1 } else { 0 };
             let levels = [level, level - jitter, level + jitter, level];
             assert_eq!(rig.run(effort, levels), levels);
         }
-        let mut rig = Rig::new(PowerReading::Percent);
+        let mut rig = Rig::new(PowerMeaning::Percent);
         for level in [60, 50].repeat(10) {
             assert_eq!(rig.run(f64::from(60 - level), [level; 4]), [level; 4]);
         }
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn one_sag_among_clear_motions_proves_nothing() {
-        let mut rig = Rig::new(PowerReading::Auto);
+        let mut rig = Rig::new(PowerMeaning::Auto);
         for sag in [10, 0, 10, 0] {
             rig.run(0.0, [60; 4]);
             rig.run(0.5, [60 - sag; 4]);
@@ -337,7 +337,7 @@ mod tests {
 
     #[test]
     fn a_voltage_while_charging_is_no_charge() {
-        let mut rig = Rig::new(PowerReading::Voltage);
+        let mut rig = Rig::new(PowerMeaning::Voltage);
         assert_eq!(rig.report(75, true), 11, "15 to 25 points above the rest");
         assert_eq!(rig.report(100, true), 87);
         assert_eq!(rig.run(0.0, [85; 4])[3], 94);
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn a_cliff_under_way_is_seen_without_a_rest() {
-        let mut rig = Rig::new(PowerReading::Voltage);
+        let mut rig = Rig::new(PowerMeaning::Voltage);
         rig.run(0.0, [60; 4]);
         let cliff = rig.run(1.0, [49, 44, 34, 20]);
         assert!(cliff[0] > 20 && cliff[1] <= 20 && cliff[3] < 8, "{cliff:?}");
@@ -355,7 +355,7 @@ mod tests {
 
     #[test]
     fn motions_too_short_to_settle_do_not_hide_a_falling_level() {
-        let mut rig = Rig::new(PowerReading::Voltage);
+        let mut rig = Rig::new(PowerMeaning::Voltage);
         rig.run(0.0, [60; 4]);
         for level in (20..60).rev() {
             rig.effort = 1.0;
@@ -370,7 +370,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_reports_changes_only_is_recognized_by_short_motions() {
-        let mut rig = Rig::new(PowerReading::Auto);
+        let mut rig = Rig::new(PowerMeaning::Auto);
         rig.report(60, false);
         for level in [54, 60].repeat(3) {
             rig.effort = if level < 60 { 0.6 } else { 0.0 };
@@ -391,7 +391,7 @@ mod tests {
 
     #[test]
     fn a_rest_too_short_to_recover_does_not_count_as_empty() {
-        let mut rig = Rig::new(PowerReading::Voltage);
+        let mut rig = Rig::new(PowerMeaning::Voltage);
         rig.run(0.0, [60; 4]);
         rig.run(1.0, [50; 4]);
         rig.effort = 0.0;
@@ -404,7 +404,7 @@ mod tests {
 
     #[test]
     fn a_report_without_a_level_stays_as_it_is() {
-        let mut rig = Rig::new(PowerReading::Voltage);
+        let mut rig = Rig::new(PowerMeaning::Voltage);
         assert_eq!(rig.report(110, true), 110);
         assert_eq!(rig.report(128, true), 128);
     }

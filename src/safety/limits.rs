@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::PowerReading;
+use super::PowerMeaning;
 use crate::robot::{Percent, Seconds};
 
 /// The numbers of the safety rules. Times are in seconds in the config, which sets those that an
@@ -16,7 +16,7 @@ pub struct Limits {
     /// What the number in the robot's battery reports means (`auto`): `percent`, a share of the energy;
     /// `voltage`, a share of a voltage, which is converted; `auto`, a share of the energy until it
     /// sags twice while the tracks run. All levels are shares of the energy.
-    pub power: PowerReading,
+    pub power: PowerMeaning,
     /// At or below this level the robot is sent home, whatever the scripts do (20 %).
     pub low: Percent,
     /// At this level or above, a robot that was low may move again (50 %).
@@ -70,7 +70,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Limits {
         Limits {
-            power: PowerReading::Auto,
+            power: PowerMeaning::Auto,
             low: percent(20),
             ok: percent(50),
             critical: percent(8),

@@ -48,13 +48,13 @@ const AGREEING: f64 = 4.0;
 const USEFUL: [f64; 3] = [0.03, 2.0, 2.0];
 /// What a person may round a measurement by: metres, degrees, degrees.
 const CAREFUL: [f64; 3] = [0.01, 1.0, 1.0];
-/// Poses of a robot's camera, on genuine robots 0.29 m above the floor; anything else is a sheet that
-/// does not lie on the floor, or is no sheet of this size.
-const HEIGHTS: std::ops::RangeInclusive<f64> = 0.23..=0.36;
 /// Paper is brighter than pale tiles: the least share of the brightest sheet's brightness.
 const AS_BRIGHT: f64 = 0.85;
 /// What is brighter than this share of a sheet's brightness is of its kind.
 const ALIKE: f64 = 0.9;
+/// Poses of a robot's camera, on genuine robots 0.29 m above the floor; anything else is a sheet that
+/// does not lie on the floor, or is no sheet of this size.
+const HEIGHTS: std::ops::RangeInclusive<f64> = 0.23..=0.36;
 const PITCHES: std::ops::RangeInclusive<f64> = -50.0..=30.0;
 const MAX_ROLL: f64 = 25.0;
 /// Pitches in radians from which the search starts.

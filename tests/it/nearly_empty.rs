@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use spykee::safety::{Limits, PowerReading, Rescue};
-use spykee::sim::{self, State, World};
+use spykee::safety::{Limits, PowerMeaning, Rescue};
+use spykee::sim::{PowerReading, State, World};
 use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Engage, Led, Stream};
 use tokio::time::{sleep, timeout};
@@ -61,10 +61,10 @@ const TO_AND_FRO: &str =
 const ON_THE_SPOT: &str = "robot.drive(0, 1) task.wait(1e6)";
 
 /// The energy when a robot that drives is sent home, percent.
-fn energy_when_sent_home(script: &str, reading: PowerReading, world: World) -> f64 {
+fn energy_when_sent_home(script: &str, meaning: PowerMeaning, world: World) -> f64 {
     let options = simulation::Options {
         limits: Limits {
-            power: reading,
+            power: meaning,
             ..Limits::default()
         },
         ..simulation::Options::default()
@@ -85,18 +85,18 @@ fn a_robot_that_reports_a_voltage_goes_home_with_as_much_energy_as_another() {
     world.battery.level = 60.0;
     world.battery.idle_drain_per_minute = 3.0;
     world.battery.driving_drain_per_minute = 6.0;
-    let energy = energy_when_sent_home(TO_AND_FRO, PowerReading::Auto, world.clone());
+    let energy = energy_when_sent_home(TO_AND_FRO, PowerMeaning::Auto, world.clone());
     assert!((19.0..=21.0).contains(&energy), "percent: {energy}");
-    world.battery.power = sim::PowerReading::Voltage;
-    for (script, reading) in [
-        (TO_AND_FRO, PowerReading::Auto),
-        (TO_AND_FRO, PowerReading::Voltage),
-        (ON_THE_SPOT, PowerReading::Voltage),
+    world.battery.power = PowerReading::Voltage;
+    for (script, meaning) in [
+        (TO_AND_FRO, PowerMeaning::Auto),
+        (TO_AND_FRO, PowerMeaning::Voltage),
+        (ON_THE_SPOT, PowerMeaning::Voltage),
     ] {
-        let energy = energy_when_sent_home(script, reading, world.clone());
-        assert!((14.0..=30.0).contains(&energy), "{reading:?}: {energy}");
+        let energy = energy_when_sent_home(script, meaning, world.clone());
+        assert!((14.0..=30.0).contains(&energy), "{meaning:?}: {energy}");
     }
-    let energy = energy_when_sent_home(TO_AND_FRO, PowerReading::Percent, world);
+    let energy = energy_when_sent_home(TO_AND_FRO, PowerMeaning::Percent, world);
     assert!(energy < 10.0, "this battery shows the difference: {energy}");
 }
 

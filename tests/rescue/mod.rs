@@ -10,8 +10,10 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::agent::Behaviour;
-use spykee::safety::{Limits, PowerReading, Rescue};
-use spykee::sim::{BatterySettings, Point, Pose, RADIUS, State, StationDistances, World};
+use spykee::safety::{Limits, PowerMeaning, Rescue};
+use spykee::sim::{
+    BatterySettings, Point, Pose, PowerReading, RADIUS, State, StationDistances, World,
+};
 use spykee::simulation::{Event, EventKind, Recorder, Simulation};
 use spykee::{script, simulation};
 use tokio::time::{sleep, timeout};
@@ -289,7 +291,7 @@ fn play(case: &Case, strategy: Strategy) -> Played {
     let options = simulation::Options {
         seed: start.seed,
         limits: Limits {
-            power: power_reading(&place.world),
+            power: power_meaning(&place.world),
             ..strategy.limits()
         },
         events: Some(Recorder::new(move |event| {
@@ -336,10 +338,10 @@ fn play(case: &Case, strategy: Strategy) -> Played {
 }
 
 /// What a config says that `spykee doctor --first` has written for the robot in this world.
-fn power_reading(world: &World) -> PowerReading {
+fn power_meaning(world: &World) -> PowerMeaning {
     match world.battery.power {
-        spykee::sim::PowerReading::Percent => PowerReading::Auto,
-        spykee::sim::PowerReading::Voltage => PowerReading::Voltage,
+        PowerReading::Percent => PowerMeaning::Auto,
+        PowerReading::Voltage => PowerMeaning::Voltage,
     }
 }
 

@@ -13,7 +13,7 @@ use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
 use crate::pilot::Settings;
 use crate::robot::{MotionEnd, Pictures, Setpoint};
-use crate::safety::{Limits, PowerReading};
+use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance};
 
 /// Powers that are tried, percent.
@@ -78,7 +78,7 @@ pub(super) async fn drive_about(
 pub(super) fn as_reported(settings: Settings) -> Settings {
     Settings {
         limits: Limits {
-            power: PowerReading::Percent,
+            power: PowerMeaning::Percent,
             ..settings.limits
         },
         ..settings

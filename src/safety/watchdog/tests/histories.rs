@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use self::model::{Known, LongestWait, WayHome};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{BlindMove, LastWords, PowerReading, Rescue};
+use crate::safety::{BlindMove, LastWords, PowerMeaning, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {
@@ -273,7 +273,7 @@ fn any_limits() -> impl Strategy<Value = Limits> {
     let odd = (levels, times, count(), any::<bool>());
     let odd = odd.prop_map(
         |((critical, low, ok), times, dock_retries, blind_moves)| Limits {
-            power: PowerReading::Percent,
+            power: PowerMeaning::Percent,
             low,
             ok,
             critical,
@@ -298,7 +298,7 @@ fn any_limits() -> impl Strategy<Value = Limits> {
         },
     );
     let usual = Limits {
-        power: PowerReading::Percent,
+        power: PowerMeaning::Percent,
         ..Limits::default()
     };
     prop_oneof![4 => Just(usual), 1 => odd]
