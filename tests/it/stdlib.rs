@@ -311,6 +311,26 @@ camera: {{pitch: {pitch}}}
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_stands_right_in_front_of_the_robot_is_no_floor() {
+    for pitch in [-10, 0, 5] {
+        let empty = free_ahead(pitch, "").await;
+        assert!(empty > 3.0, "pitch {pitch}: {empty}");
+        // The least floor that a level camera shows is 0.9 m away.
+        for (away, radius, colour) in [
+            (0.6, 0.11, "red"),
+            (0.95, 0.11, "red"),
+            (0.95, 0.08, "blue"),
+            (0.8, 0.12, "green"),
+        ] {
+            let x = 1.6 + away + radius;
+            let ball = format!("balls: [{{at: [{x}, 2], colour: {colour}, radius: {radius}}}]");
+            let free = free_ahead(pitch, &ball).await;
+            assert!(free < 1.3 * away, "pitch {pitch}, {ball}: {free}");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_sheet_of_paper_is_free_floor_and_what_stands_is_not() {
     for (pitch, x) in [(-10, 2.5), (-10, 2.8), (0, 2.9)] {
         let sheet = format!("rugs: [{{at: [{x}, 2], width: 0.21, depth: 0.297, colour: white}}]");
