@@ -510,6 +510,9 @@ const promises = {
     await button(page, "Go to the station").click();
     await until(() => observer.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * WAIT_LIMIT);
     await page.getByText("It is on its station").waitFor();
+    // There is nothing to stop: STOP is confirmed at once.
+    await button(page, "STOP").click();
+    await saysStopped(page);
     await button(page, "Leave the station").click();
     await until(() => !observer.state.docked, "a robot that has left");
     clean(page);

@@ -34,6 +34,9 @@ function isKept() {
   }
 }
 
+/** What a server's word means where it has no stop to confirm: the robot stands, as on its station. */
+const meaning = (said, link) => (said === "none" ? (link === "up" ? "executed" : "not_confirmed") : said);
+
 /** Returns the buttons, what STOP does, and what is to be said of it; calls `changed` when that may be something else. */
 export function emergencyStop(connection, changed) {
   /** When STOP was pressed; null: none waits for its confirmation. */
@@ -79,7 +82,7 @@ export function emergencyStop(connection, changed) {
       const answer = await fetch("/api/stop", { method: "POST", keepalive: true, priority: "high", signal: ended.signal });
       if (answer.ok) {
         const said = await answer.json();
-        hear(said.stop_confirmation ?? "sending");
+        hear(meaning(said.stop_confirmation ?? "sending", "up"));
       }
     } catch {
       // The next one may get through.
@@ -157,7 +160,7 @@ export function emergencyStop(connection, changed) {
 
   connection.on("state", (now) => {
     state = now;
-    const said = now.stop_confirmation ?? (now.link === "up" ? "executed" : "not_confirmed");
+    const said = meaning(now.stop_confirmation, now.link);
     if (pressed === null) {
       confirmation = said;
     } else if (now.emergency_stop && (!already || answered !== null || since(pressed) > PATIENCE)) {
