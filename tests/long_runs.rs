@@ -1,4 +1,4 @@
-//! What the long runs share: `soak`, `month`, `rescue` and `stops` play an agent on a simulated robot,
+//! What the long runs share: `soak`, `month`, `rescue`, `stops` and `stuck` play an agent on a simulated robot,
 //! `explore` the watchdog alone; all in virtual time, except `stops::breaks`. `tests/it` plays a short one of each, `scripts/nightly` the rest.
 
 pub mod explore;
@@ -8,6 +8,7 @@ pub mod month;
 pub mod rescue;
 pub mod soak;
 pub mod stops;
+pub mod stuck;
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

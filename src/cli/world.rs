@@ -88,7 +88,7 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 }
 
 /// Writes a picture.
-pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
+fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
         .map_err(|error| Failure::unwritable(path, error))

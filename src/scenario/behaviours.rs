@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::refusal::CallError;
+use super::CallError;
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::check::{self, Diagnostic};

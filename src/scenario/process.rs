@@ -153,7 +153,7 @@ fn request(scenario_file: &ScenarioFile, run: Option<RunParameters>) -> ProcessR
     ProcessRequest {
         file: scenario_file.file().to_owned(),
         folder: scenario_file.folder().map(Path::to_owned),
-        source: scenario_file.source().to_vec(),
+        source: scenario_file.source.clone(),
         run,
     }
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Value, json};
 
-use super::refusal::CallError;
+use super::CallError;
 use crate::agent::RESCUE_NAME;
 use crate::behaviour::is_failure;
 use crate::robot::EndReason;

@@ -8,8 +8,8 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use tokio::time::Instant;
 
+use super::CallError;
 use super::behaviours::Behaviours;
-use super::refusal::CallError;
 use super::run_record::RunRecord;
 use crate::agent::Behaviour;
 use crate::clock::{self, Date};

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio::time::Instant;
 
-use super::refusal::CallError;
+use super::CallError;
 use super::running_api::{Arguments, seconds};
 use crate::behaviour::{Library, read_source};
 use crate::check;
@@ -31,7 +31,7 @@ pub struct ScenarioFile {
     file: PathBuf,
     /// Folder for relative file names; `None` for a text.
     folder: Option<PathBuf>,
-    source: Vec<u8>,
+    pub(super) source: Vec<u8>,
     scenarios: Vec<Scenario>,
 }
 
@@ -107,10 +107,6 @@ impl ScenarioFile {
 
     pub(super) fn with_scenarios(self, scenarios: Vec<Scenario>) -> ScenarioFile {
         ScenarioFile { scenarios, ..self }
-    }
-
-    pub(super) fn source(&self) -> &[u8] {
-        &self.source
     }
 
     pub fn scenarios(&self) -> &[Scenario] {

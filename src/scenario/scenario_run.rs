@@ -8,7 +8,7 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::time::Duration;
 
-use image::RgbImage;
+use image::{ImageFormat, RgbImage};
 use serde::{Deserialize, Serialize};
 use tokio::task::yield_now;
 use tokio::time::{Instant, sleep_until};
@@ -74,32 +74,8 @@ pub struct Snapshot {
     pub at: Duration,
     pub pose: Pose,
     pub battery: f64,
-    /// The robot's path on the map of its world.
-    #[serde(with = "as_png")]
-    pub picture: RgbImage,
-}
-
-/// Serializes a picture as PNG, for transfer between processes.
-mod as_png {
-    use std::io::Cursor;
-
-    use image::{ImageFormat, RgbImage, load_from_memory_with_format};
-    use serde::de::Error as _;
-    use serde::ser::Error as _;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-    pub(super) fn serialize<S: Serializer>(picture: &RgbImage, to: S) -> Result<S::Ok, S::Error> {
-        let mut png = Cursor::new(Vec::new());
-        let drawn = picture.write_to(&mut png, ImageFormat::Png);
-        drawn.map_err(S::Error::custom)?;
-        png.into_inner().serialize(to)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<RgbImage, D::Error> {
-        let png = Vec::<u8>::deserialize(from)?;
-        let picture = load_from_memory_with_format(&png, ImageFormat::Png);
-        Ok(picture.map_err(D::Error::custom)?.into_rgb8())
-    }
+    /// The robot's path on the map of its world, as PNG.
+    pub picture: Vec<u8>,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -377,10 +353,19 @@ impl ScenarioRun<'_> {
                 at: self.api.time(),
                 pose: state.pose,
                 battery: state.battery,
-                picture: sim.trace().draw(sim.world()),
+                picture: png(&sim.trace().draw(sim.world())),
             }),
         }
     }
+}
+
+fn png(picture: &RgbImage) -> Vec<u8> {
+    let mut png = io::Cursor::new(Vec::new());
+    if let Err(error) = picture.write_to(&mut png, ImageFormat::Png) {
+        // Writing to memory does not fail.
+        tracing::error!("cannot draw the robot's path: {error}");
+    }
+    png.into_inner()
 }
 
 async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {

@@ -8,7 +8,6 @@ pub(crate) mod firmware;
 pub(crate) mod memory;
 mod microphone;
 mod speaker;
-pub(crate) mod state;
 pub(crate) mod trace;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,14 +22,13 @@ use self::firmware::{Firmware, FirmwareBehaviour};
 use self::memory::{Memory, RobotLog, describe};
 use self::microphone::Microphone;
 use self::speaker::Speaker;
-use self::state::{Leds, State, Streams};
 use self::trace::{Trace, TraceEventKind};
 use crate::sim::camera::{Shot, Video};
+use crate::sim::faults::FaultKind;
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::World;
 use crate::sim::world::dynamics::Environment;
-use crate::sim::world::wifi::Radio;
-use crate::wire::{Command, Engage, EngineReport, Report, Sound};
+use crate::wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
 
 /// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
 const ACTIVATE: u8 = 1;
@@ -126,13 +124,15 @@ impl Robot {
         self.environment.put_ball(index, place);
     }
 
-    pub(crate) fn radio(&self) -> Radio {
-        self.environment.world.radio(self.chassis.pose.point())
+    /// Returns what the Wi-Fi does where the robot is, as a fault of the network.
+    pub(crate) fn radio_fault(&self) -> Option<FaultKind> {
+        let place = self.chassis.pose.point();
+        self.environment.world.radio_fault(place)
     }
 
     /// Whether the robot is on its station; AUTH_REPLY reports this too.
     pub fn docked(&self) -> bool {
-        self.contacts.docked()
+        self.contacts.docked
     }
 
     /// Starts the session of a user: all streams are off, and POWER follows.
@@ -193,24 +193,24 @@ impl Robot {
         State {
             time: self.time,
             pose: self.chassis.pose,
-            battery: self.battery.percent(),
+            battery: self.battery.percent,
             power: self.battery.power(),
-            charging: self.battery.charging(),
-            docked: self.contacts.docked(),
+            charging: self.battery.charging,
+            docked: self.contacts.docked,
             searching: self.docking.searching(),
             leaving: self.docking.leaving(),
             commanded: self.commanded,
-            speeds: self.chassis.speeds(),
-            blocked: self.chassis.blocked(),
-            collisions: self.chassis.collisions(),
+            speeds: self.chassis.speeds,
+            blocked: self.chassis.blocked,
+            collisions: self.chassis.collisions,
             distance: lock(&self.trace).distance(),
             leds: self.leds,
             sound: self.speaker.playing(),
-            volume: self.speaker.volume(),
+            volume: self.speaker.volume,
             streams: self.streams,
             queued: 0,
             user: None,
-            frames: self.video.frames(),
+            frames: self.video.frames,
             dropped: 0,
         }
     }
@@ -271,11 +271,11 @@ impl Robot {
             station: &self.environment.world.station,
             obstacles: &self.environment.obstacles,
             beacon: self.contacts.hears_beacon(),
-            missed: self.contacts.missed(),
+            missed: self.contacts.missed,
         };
         let world = &self.environment.world;
         let commanded = self.commanded.speeds(world.tracks.dead_zone);
-        let response = world.track_response(self.battery.percent(), self.chassis.pose.point());
+        let response = world.track_response(self.battery.percent, self.chassis.pose.point());
         let wanted = match self.docking.step(dt, inputs) {
             DockingStep::Free => commanded,
             DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
@@ -298,11 +298,11 @@ impl Robot {
         let speed = self.chassis.forward_speed();
         self.environment
             .step(dt.as_secs_f64(), self.chassis.pose, speed);
-        let before = self.chassis.collisions();
+        let before = self.chassis.collisions;
         let environment = &self.environment;
         self.chassis
             .step(dt, &environment.obstacles, &environment.bumps);
-        if self.chassis.collisions() != before {
+        if self.chassis.collisions != before {
             let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
             let pose = self.chassis.pose;
             let bumper = pose.point().ahead(pose.heading, reach);
@@ -317,7 +317,7 @@ impl Robot {
         let entering = self.docking.searching();
         self.contacts.update(station, self.chassis.pose, entering);
         self.battery.set_charging(self.contacts.charging());
-        if self.contacts.touching() && self.docking.searching() {
+        if self.contacts.touching && self.docking.searching() {
             self.docking.stop();
             self.chassis.set_target(Tracks::default());
         }
@@ -460,7 +460,7 @@ impl Robot {
 
     fn execute_engine(&mut self, engage: Engage) {
         match engage {
-            Engage::Dock if self.contacts.touching() => self.report_engine(EngineReport::Docked),
+            Engage::Dock if self.contacts.touching => self.report_engine(EngineReport::Docked),
             Engage::Dock => {
                 self.mark(TraceEventKind::FindBase);
                 self.commanded = Tracks::default();
@@ -470,7 +470,7 @@ impl Robot {
                 self.commanded = Tracks::default();
                 self.docking.stop();
             }
-            undock if self.contacts.docked() && self.undocks(undock) => {
+            undock if self.contacts.docked && self.undocks(undock) => {
                 self.commanded = Tracks::default();
                 self.docking.leave();
             }
@@ -496,11 +496,114 @@ impl Robot {
     }
 
     fn send_config(&mut self) {
-        let messages = self.memory.settings(self.speaker.volume());
+        let messages = self.memory.settings(self.speaker.volume);
         self.reports.extend(messages.map(Report::Config));
     }
 }
 
 fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
     trace.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Which lights are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Leds {
+    /// The headlight.
+    pub flash: bool,
+    /// The left light.
+    pub left: bool,
+    /// The right light.
+    pub right: bool,
+}
+
+impl Leds {
+    /// Switches a light; false if there is no such light.
+    pub(crate) fn switch(&mut self, led: Led, on: bool) -> bool {
+        match led {
+            Led::Flash => self.flash = on,
+            Led::Left => self.left = on,
+            Led::Right => self.right = on,
+            Led::Unknown(_) => return false,
+        }
+        true
+    }
+}
+
+/// Which streams are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+pub struct Streams {
+    /// The camera.
+    pub video: bool,
+    /// The microphone.
+    pub audio_in: bool,
+    /// The speaker.
+    pub audio_out: bool,
+}
+
+impl Streams {
+    /// Switches a stream; false if there is no such stream.
+    pub(crate) fn switch(&mut self, stream: Stream, on: bool) -> bool {
+        match stream {
+            Stream::Video => self.video = on,
+            Stream::AudioIn => self.audio_in = on,
+            Stream::AudioOut => self.audio_out = on,
+            Stream::Unknown(_) => return false,
+        }
+        true
+    }
+}
+
+/// The robot's state, as shown by handles and status lines.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Simulated time since the start.
+    pub time: Duration,
+    /// The robot's position and heading.
+    pub pose: Pose,
+    /// The battery's level, 0..=100, unrounded.
+    pub battery: f64,
+    /// The content of POWER.
+    pub power: Power,
+    /// Current flows into the battery.
+    pub charging: bool,
+    /// The robot is on the station; while it backs out, true until it has left.
+    pub docked: bool,
+    /// The robot is driving to the station or searching for it.
+    pub searching: bool,
+    /// The robot is backing out of the station.
+    pub leaving: bool,
+    /// The last MOVE that was not ignored, as received; 0 if since then the firmware stopped the
+    /// tracks, or a manoeuvre was started or cancelled.
+    pub commanded: Tracks<i8>,
+    /// The actual speeds of the tracks, metres per second.
+    pub speeds: Tracks<f64>,
+    /// An obstacle blocks the robot.
+    pub blocked: bool,
+    /// Number of collisions.
+    pub collisions: u64,
+    /// Metres driven.
+    pub distance: f64,
+    /// The lights.
+    pub leds: Leds,
+    /// The sound that is playing.
+    pub sound: Option<Sound>,
+    /// The volume, 0..=100 percent.
+    pub volume: u8,
+    /// The streams that are on.
+    pub streams: Streams,
+    /// Commands that were received and wait to be executed.
+    pub queued: usize,
+    /// The connected user.
+    pub user: Option<String>,
+    /// Frames rendered so far.
+    pub frames: u64,
+    /// Frames and audio chunks dropped so far because the user read too slowly.
+    pub dropped: u64,
+}
+
+impl State {
+    /// Whether a track is moving.
+    pub fn moving(&self) -> bool {
+        self.speeds.left != 0.0 || self.speeds.right != 0.0
+    }
 }

@@ -33,15 +33,15 @@ pub(crate) struct Camera {
     renderer: Renderer,
     sensor: Sensor,
     exposure: Exposure,
-    /// Inputs of the last rendered frame, unless it is outdated.
-    last_inputs: Option<FrameInputs>,
+    /// Shot, at time zero, and exposure of the last rendered frame, unless it is outdated.
+    last_inputs: Option<(Shot, f32)>,
     grain: Grain,
     grainy: Vec<Pixel>,
     /// Created for the first frame: most simulated robots never take one.
     encoder: Option<JpegEncoder>,
 }
 
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Shot {
     pub(crate) pose: Pose,
     pub(crate) flash: bool,
@@ -50,21 +50,12 @@ pub(crate) struct Shot {
     pub(crate) time: Duration,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct FrameInputs {
-    pose: Pose,
-    flash: bool,
-    turning: f64,
-    exposure: f32,
-}
-
 impl Camera {
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
         let lens = Lens::new(&world.camera);
-        let canvas = lens.canvas();
         Camera {
             settings: world.camera,
-            renderer: Renderer::new(world, canvas),
+            renderer: Renderer::new(world, lens.canvas),
             lens,
             sensor: Sensor::new(&world.camera),
             exposure: Exposure::new(&world.camera),
@@ -88,10 +79,8 @@ impl Camera {
 
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
         self.render(shot);
-        let frame = self.lens.frame();
-        let grainy = &mut self.grainy;
-        self.grain
-            .add_to(frame.as_flattened(), grainy.as_flattened_mut());
+        let frame = self.lens.frame.as_flattened();
+        self.grain.add_to(frame, self.grainy.as_flattened_mut());
         let quality = self.settings.quality as u8;
         let subsampling = self.settings.subsampling;
         self.encoder
@@ -106,22 +95,18 @@ impl Camera {
     fn render(&mut self, shot: Shot) {
         let seconds = shot.time.as_secs_f64();
         let changed = self.renderer.lighting.advance_to(seconds);
-        let exposure = self.exposure.gain();
-        let inputs = Some(FrameInputs {
-            pose: shot.pose,
-            flash: shot.flash,
-            turning: shot.turning,
-            exposure,
-        });
+        let exposure = self.exposure.gain;
+        let time = Duration::ZERO;
+        let inputs = Some((Shot { time, ..shot }, exposure));
         if changed || self.last_inputs != inputs {
             let turned = shot.turning.abs() * self.settings.shutter;
             self.renderer
                 .render(shot.pose, shot.flash, exposure, turned);
-            self.lens.take(self.renderer.frame());
-            self.sensor.apply(self.lens.frame_mut());
+            self.lens.take(&self.renderer.frame);
+            self.sensor.apply(&mut self.lens.frame);
             self.last_inputs = inputs;
         }
-        self.exposure.update(self.lens.frame(), shot.time);
+        self.exposure.update(&self.lens.frame, shot.time);
     }
 }
 
@@ -136,6 +121,7 @@ pub(super) struct Exposure {
     slowness: f64,
     /// The mean brightness of a frame that it aims at, 0..=255.
     wanted: f32,
+    /// 1 leaves the light unchanged.
     gain: f32,
     last: Option<Duration>,
 }
@@ -148,11 +134,6 @@ impl Exposure {
             gain: 1.0,
             last: None,
         }
-    }
-
-    /// Returns the gain; 1 leaves the light unchanged.
-    pub(super) fn gain(&self) -> f32 {
-        self.gain
     }
 
     /// Adjusts the gain to the brightness of a frame taken at `time`.
@@ -225,7 +206,8 @@ pub(super) struct Video {
     latency: Duration,
     /// Elapsed share of the frame period; the next frame is due at 1.
     due: f64,
-    frames: u64,
+    /// Number of rendered frames.
+    pub(super) frames: u64,
     /// Frames delayed by the latency, each with the time at which it is sent.
     waiting: VecDeque<(Duration, Bytes)>,
 }
@@ -240,10 +222,6 @@ impl Video {
             frames: 0,
             waiting: VecDeque::new(),
         }
-    }
-
-    pub(super) fn frames(&self) -> u64 {
-        self.frames
     }
 
     /// Makes the next frame due immediately.

@@ -4,7 +4,6 @@
 mod corrupt;
 mod list;
 pub(crate) mod proxy;
-mod proxy_direction;
 pub(crate) mod scheduler;
 
 use std::time::Duration;

@@ -146,39 +146,43 @@ impl Segment {
     }
 }
 
-/// Returns the four sides, counter-clockwise, of a rectangle rotated by `heading`.
-pub(crate) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) -> [Segment; 4] {
-    let corner = |forward: f64, left: f64| {
-        centre
-            .ahead(heading, forward * length / 2.0)
-            .ahead(heading + PI / 2.0, left * width / 2.0)
-    };
-    let corners = [
-        corner(1.0, -1.0),
-        corner(1.0, 1.0),
-        corner(-1.0, 1.0),
-        corner(-1.0, -1.0),
-    ];
-    std::array::from_fn(|i| Segment {
-        from: corners[i],
-        to: corners[(i + 1) % 4],
-    })
+/// A rectangle on the floor: `length` along its heading, `width` across it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rectangle {
+    pub(crate) centre: Point,
+    pub(crate) length: f64,
+    pub(crate) width: f64,
+    /// Radians.
+    pub(crate) heading: f64,
 }
 
-/// Whether a point is inside a rectangle as created by [`rectangle`].
-pub(crate) fn in_rectangle(
-    point: Point,
-    centre: Point,
-    length: f64,
-    width: f64,
-    heading: f64,
-) -> bool {
-    let dx = point.x - centre.x;
-    let dy = point.y - centre.y;
-    let (sin, cos) = heading.sin_cos();
-    let ahead = dx * cos + dy * sin;
-    let left = dy * cos - dx * sin;
-    ahead.abs() < length / 2.0 && left.abs() < width / 2.0
+impl Rectangle {
+    /// Returns the corners, counter-clockwise, the first one ahead on the right.
+    pub(crate) fn corners(self) -> [Point; 4] {
+        [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(forward, left)| {
+            self.centre
+                .ahead(self.heading, forward * self.length / 2.0)
+                .ahead(self.heading + PI / 2.0, left * self.width / 2.0)
+        })
+    }
+
+    /// Returns the four sides, counter-clockwise; the first one is the front.
+    pub(crate) fn sides(self) -> [Segment; 4] {
+        let corners = self.corners();
+        std::array::from_fn(|i| Segment {
+            from: corners[i],
+            to: corners[(i + 1) % 4],
+        })
+    }
+
+    pub(crate) fn covers(self, point: Point) -> bool {
+        let dx = point.x - self.centre.x;
+        let dy = point.y - self.centre.y;
+        let (sin, cos) = self.heading.sin_cos();
+        let ahead = dx * cos + dy * sin;
+        let left = dy * cos - dx * sin;
+        ahead.abs() < self.length / 2.0 && left.abs() < self.width / 2.0
+    }
 }
 
 #[cfg(test)]
@@ -229,7 +233,13 @@ mod tests {
 
     #[test]
     fn the_sides_of_a_rectangle_have_the_right_places() {
-        let sides = rectangle(Point::new(1.0, 1.0), 2.0, 1.0, 0.0);
+        let rectangle = Rectangle {
+            centre: Point::new(1.0, 1.0),
+            length: 2.0,
+            width: 1.0,
+            heading: 0.0,
+        };
+        let sides = rectangle.sides();
         let near = |point| {
             sides
                 .iter()

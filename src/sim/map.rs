@@ -9,7 +9,7 @@ use image::RgbImage;
 
 use self::canvas::{Ink, MapCanvas, Pixel, TextStyle};
 use crate::sim::camera::floor::drawing_path;
-use crate::sim::geometry::{Point, Pose, RADIUS, Segment};
+use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::World;
 use crate::sim::world::objects::{Paint, Route};
 
@@ -72,11 +72,9 @@ pub(crate) fn draw_onto(world: &World, canvas: &mut MapCanvas) {
 }
 
 fn floor(world: &World, canvas: &mut MapCanvas) {
-    canvas.fill(&corners(&world.room.sides()), FLOOR);
+    canvas.fill(&world.room.footprint().corners(), FLOOR);
     for rug in &world.rugs {
-        let middle = rug.at.point();
-        let sides = crate::sim::geometry::rectangle(middle, rug.width, rug.depth, 0.0);
-        canvas.fill(&corners(&sides), ink(rug.colour, 90));
+        canvas.fill(&rug.footprint().corners(), ink(rug.colour, 90));
     }
     let width = world.room.width;
     let depth = world.room.depth;
@@ -122,19 +120,17 @@ impl World {
 }
 
 fn station(world: &World, canvas: &mut MapCanvas) {
-    let station = &world.station;
-    let cone = world.beacon_cone();
-    canvas.fill(&cone, BEACON);
-    canvas.fill(&corners(&station.sides()), [200, 30, 50, 255]);
+    canvas.fill(&world.beacon_cone(), BEACON);
+    canvas.fill(&world.station.outline(), [200, 30, 50, 255]);
 }
 
 fn walls(world: &World, canvas: &mut MapCanvas) {
     for wall in &world.walls {
-        canvas.fill(&corners(&wall.sides()), WALL);
+        canvas.fill(&wall.footprint().corners(), WALL);
     }
     for item in &world.furniture {
-        canvas.fill(&corners(&item.sides()), ink(item.colour, 210));
-        for side in item.sides() {
+        canvas.fill(&item.footprint().corners(), ink(item.colour, 210));
+        for side in item.footprint().sides() {
             canvas.line(&[side.from, side.to], 1.5, None, PALE);
         }
     }
@@ -155,7 +151,7 @@ fn walls(world: &World, canvas: &mut MapCanvas) {
         canvas.line(&ends, 6.0, None, SIGN);
         canvas.line(&[at, at.ahead(heading, 0.18)], 2.0, None, SIGN);
     }
-    for side in world.room.sides() {
+    for side in world.room.footprint().sides() {
         canvas.line(&[side.from, side.to], 5.0, None, WALL);
     }
 }
@@ -313,10 +309,6 @@ pub(crate) fn robot(canvas: &mut MapCanvas, pose: Pose, ink: Ink) {
     let tip = pose.point().ahead(pose.heading, RADIUS * 1.25);
     let side = |angle: f64| pose.point().ahead(pose.heading + angle, RADIUS * 0.7);
     canvas.fill(&[tip, side(2.4), side(-2.4)], ink);
-}
-
-fn corners(sides: &[Segment; 4]) -> [Point; 4] {
-    sides.map(|side| side.from)
 }
 
 fn ink(paint: Paint, opaque: u8) -> Ink {

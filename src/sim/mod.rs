@@ -14,18 +14,17 @@ mod server;
 mod world;
 mod yaml;
 
-pub use body::Robot;
 pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
 pub use body::firmware::{Firmware, FirmwareBehaviour, PowerWhileCharging};
-pub use body::state::{Leds, State, Streams};
 pub use body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
+pub use body::{Leds, Robot, State, Streams};
 pub use camera::view::{HEIGHT, WIDTH};
 pub use faults::{Direction, Fault, FaultKind, Timing};
+pub use geometry::obstacles::Obstacles;
 pub use geometry::{Point, Pose, RADIUS, TRACK_WIDTH};
 pub use server::connection::Transport;
 pub use server::handle::{Handle, ReceivedCommand};
 pub use server::{Options, Server};
-pub use world::World;
 pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape};
 pub use world::objects::{
     Ball, Decor, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
@@ -35,8 +34,7 @@ pub use world::settings::{
     BatterySettings, CameraSettings, PowerReading, TrackResponse, TrackSettings,
 };
 pub use world::station::{DockingSettings, Leaves, Station};
-pub use world::station_distances::StationDistances;
-pub use world::wifi::Wifi;
+pub use world::{Wifi, World};
 pub use yaml::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

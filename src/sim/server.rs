@@ -1,8 +1,6 @@
 //! The simulator as a server: connects one [`Robot`] to sockets, clients and the clock. One task owns
 //! all state; the connections' tasks only transfer bytes.
 
-mod clients;
-mod command_queue;
 pub(crate) mod connection;
 pub(crate) mod handle;
 mod robot_server;
@@ -69,7 +67,7 @@ impl Server {
 
     /// Returns the address to which clients connect.
     pub fn local_addr(&self) -> SocketAddr {
-        self.sockets.address()
+        self.sockets.address
     }
 
     /// Returns a handle to observe and change the simulation.

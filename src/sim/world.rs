@@ -7,11 +7,10 @@ pub(crate) mod objects;
 pub(crate) mod preset;
 pub(crate) mod settings;
 pub(crate) mod station;
-pub(crate) mod station_distances;
 mod validate;
-pub(crate) mod wifi;
 
 use std::path::Path;
+use std::time::Duration;
 
 use serde::Deserialize;
 
@@ -20,9 +19,9 @@ use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, 
 use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
-use self::wifi::Wifi;
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles, Shapes};
-use crate::sim::geometry::{Point, Pose};
+use crate::sim::faults::FaultKind;
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles};
+use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
 use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
@@ -55,6 +54,15 @@ const BUILTIN: [(&str, &str); 9] = [
         include_str!("../../behaviours/worlds/laboratory.yaml"),
     ),
 ];
+
+/// By how much each wall between the robot and the access point shortens the range, metres.
+const WALL: f64 = 3.0;
+/// From this share of the range on, what is sent arrives late.
+const WEAK: f64 = 0.8;
+/// The most that repeating lost packets delays what is sent, at the edge of the range.
+const LATEST: Duration = Duration::from_millis(1000);
+/// Steps of the delay, so that a robot that drives does not change it all the time.
+const STEPS: f64 = 20.0;
 
 /// A simulated place.
 #[derive(Debug, Clone, Deserialize)]
@@ -107,7 +115,7 @@ pub struct World {
     #[serde(default)]
     pub start: Option<Start>,
     /// Brightness of the ambient light, 0..=1.
-    #[serde(default = "full", deserialize_with = "number::share")]
+    #[serde(default = "number::one", deserialize_with = "number::share")]
     pub light: f64,
     /// How the battery drains and charges.
     #[serde(default)]
@@ -132,13 +140,21 @@ impl World {
 
     /// Returns which share of its speed the robot reaches at a battery level, percent, and a place.
     pub(crate) fn track_response(&self, percent: f64, place: Point) -> f64 {
-        let on_rug = self.rugs.iter().any(|rug| rug.covers(place));
+        let on_rug = self.rugs.iter().any(|rug| rug.footprint().covers(place));
         self.tracks.response.share(percent, on_rug)
     }
 
     pub(crate) fn solid(&self, place: Point) -> bool {
-        self.walls.iter().any(|wall| wall.covers(place))
-            || self.furniture.iter().any(|item| item.covers(place))
+        let walls = self.walls.iter().map(Wall::footprint);
+        let furniture = self.furniture.iter().map(Furniture::footprint);
+        walls.chain(furniture).any(|solid| solid.covers(place))
+    }
+
+    /// Returns the sides of all walls, those of the room first.
+    pub(crate) fn wall_sides(&self) -> impl Iterator<Item = Segment> {
+        let inner = self.walls.iter().map(Wall::footprint);
+        let all = std::iter::once(self.room.footprint()).chain(inner);
+        all.flat_map(Rectangle::sides)
     }
 
     pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
@@ -162,19 +178,22 @@ impl World {
 
     /// Returns everything that a robot can run into, at its initial place.
     pub(crate) fn obstacles(&self) -> Obstacles {
-        let inner = self.walls.iter().flat_map(|wall| wall.sides());
         let circle = |at: Spot, radius| Circle::new(at.point(), radius);
+        let mut high: Vec<Segment> = self.wall_sides().collect();
+        let walls = high.len();
+        let furniture = self.furniture.iter().map(Furniture::footprint);
+        high.extend(furniture.flat_map(Rectangle::sides));
         let posts = self.posts.iter();
-        let balls = self.balls.iter();
-        let people = self.walkers.iter();
-        Obstacles::new(Shapes {
-            walls: self.room.sides().into_iter().chain(inner).collect(),
-            furniture: self.furniture.iter().map(|item| item.sides()).collect(),
-            station: self.station.sides(),
+        let balls = self.balls.iter().map(|ball| circle(ball.at, ball.radius));
+        let people = self.walkers.iter().map(|who| circle(who.at, who.radius));
+        Obstacles {
+            high,
+            walls,
+            station: self.station.footprint().sides(),
             posts: posts.map(|post| circle(post.at, post.radius)).collect(),
-            balls: balls.map(|ball| circle(ball.at, ball.radius)).collect(),
-            people: people.map(|who| circle(who.at, who.radius)).collect(),
-        })
+            round: balls.chain(people).collect(),
+            balls: self.balls.len(),
+        }
     }
 
     /// Returns the edges that slow or block the robot.
@@ -190,7 +209,8 @@ impl World {
         self.lines.iter().cloned().chain(sills).collect()
     }
 
-    pub(crate) fn fixed_obstacles(&self) -> Obstacles {
+    /// Returns what a robot can run into, except for balls and people.
+    pub fn fixed_obstacles(&self) -> Obstacles {
         self.obstacles().without_movers()
     }
 
@@ -200,6 +220,26 @@ impl World {
         let balls = balls.filter_map(|(i, ball)| Some(("balls", i, ball.path.as_ref()?)));
         let walkers = self.walkers.iter().enumerate();
         balls.chain(walkers.filter_map(|(i, who)| Some(("walkers", i, who.path.as_ref()?))))
+    }
+
+    /// Returns what the Wi-Fi does to a robot at `place`, as a fault of the network.
+    pub(crate) fn radio_fault(&self, place: Point) -> Option<FaultKind> {
+        let wifi = self.wifi?;
+        let from = wifi.at.point();
+        let walls = self.walls.iter();
+        let between = walls.filter(|wall| wall.stands_between(from, place));
+        let distance = from.distance(place) + WALL * between.count() as f64;
+        if distance > wifi.range {
+            return Some(FaultKind::HalfOpen);
+        }
+        if distance <= WEAK * wifi.range {
+            return None;
+        }
+        let weakness = (distance / wifi.range - WEAK) / (1.0 - WEAK);
+        Some(FaultKind::Delay {
+            by: Duration::ZERO,
+            jitter: LATEST.mul_f64((weakness * STEPS).ceil() / STEPS),
+        })
     }
 
     /// Returns the names of the built-in worlds; the first is the default.
@@ -250,8 +290,15 @@ impl World {
     }
 }
 
-fn full() -> f64 {
-    1.0
+/// The access point.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wifi {
+    /// Its place.
+    pub at: Spot,
+    /// Distance up to which it reaches the robot, metres, in a straight line without walls.
+    #[serde(deserialize_with = "number::reach")]
+    pub range: f64,
 }
 
 #[cfg(test)]

@@ -4,13 +4,11 @@ use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use crate::vision::blobs::Blob;
 use crate::vision::picture::Image;
 
-/// Screen pixels per dot of a letter, in normal and in enlarged pictures.
-const DOT: i32 = 2;
-const LARGE_DOT: i32 = 3;
 const MAX_LETTERS: usize = 24;
 /// Length of the arms of the cross at a centroid, screen pixels.
 const ARM: i32 = 4;
@@ -31,7 +29,7 @@ const BOXES: [Rgb<u8>; 6] = [
 pub struct Annotation<'a> {
     /// The blob that the box encloses.
     pub blob: &'a Blob,
-    /// The text; letters, digits and `# - _ . +` can be drawn.
+    /// The text, of which Latin letters, digits and punctuation can be drawn.
     pub text: &'a str,
 }
 
@@ -112,23 +110,33 @@ fn label(
     times: i32,
     taken: &mut Vec<Rect>,
 ) {
-    let letters = text.chars().count().min(MAX_LETTERS) as i32;
-    if letters == 0 {
+    let size = if times > 1 {
+        RasterHeight::Size20
+    } else {
+        RasterHeight::Size16
+    };
+    let letters = text.chars().take(MAX_LETTERS);
+    let letters = letters.filter_map(|letter| get_raster(letter, FontWeight::Bold, size));
+    let letters: Vec<_> = letters.collect();
+    if letters.is_empty() {
         return;
     }
-    let dot = if times > 1 { LARGE_DOT } else { DOT };
-    let w = (letters * (GLYPH_WIDTH + 1) + 1) * dot;
-    let h = (GLYPH_HEIGHT + 2) * dot;
+    let wide = get_raster_width(FontWeight::Bold, size);
+    let w = (letters.len() * wide) as i32;
     let picture = Rect::at(0, 0).of_size(canvas.width(), canvas.height());
-    let place = place(grown(frame(blob, times), 3), w, h, picture, taken);
+    let around = grown(frame(blob, times), 3);
+    let place = place(around, w, size.val() as i32, picture, taken);
     taken.push(place);
     draw_filled_rect_mut(canvas, place, PAPER);
-    for (index, letter) in (0..letters).zip(text.chars()) {
-        let left = place.left() + (1 + index * (GLYPH_WIDTH + 1)) * dot;
-        for (column, row) in dots(letter) {
-            let square = Rect::at(left + column * dot, place.top() + (1 + row) * dot)
-                .of_size(dot as u32, dot as u32);
-            draw_filled_rect_mut(canvas, square, colour(blob));
+    for (index, letter) in letters.iter().enumerate() {
+        for (y, row) in (place.top()..).zip(letter.rows()) {
+            for (x, shade) in (place.left() + (index * wide) as i32..).zip(row) {
+                if let Some(pixel) = canvas.get_pixel_mut_checked(x as u32, y as u32) {
+                    let Rgb(ink) = colour(blob);
+                    let shaded = |ink: u8| (u16::from(ink) * u16::from(*shade) / 255) as u8;
+                    *pixel = Rgb(ink.map(shaded));
+                }
+            }
         }
     }
 }
@@ -148,67 +156,6 @@ fn place(around: Rect, w: i32, h: i32, picture: Rect, taken: &[Rect]) -> Rect {
     let shown = || candidates.iter().filter(visible);
     let found = shown().find(free).or_else(|| shown().next());
     *found.unwrap_or(&candidates[2])
-}
-
-/// The dots of each letter, three by five, row by row; the highest of 15 bits is the top left one.
-const GLYPHS: [(char, u16); 41] = [
-    ('A', 0b010_101_111_101_101),
-    ('B', 0b110_101_110_101_110),
-    ('C', 0b011_100_100_100_011),
-    ('D', 0b110_101_101_101_110),
-    ('E', 0b111_100_110_100_111),
-    ('F', 0b111_100_110_100_100),
-    ('G', 0b011_100_101_101_011),
-    ('H', 0b101_101_111_101_101),
-    ('I', 0b111_010_010_010_111),
-    ('J', 0b001_001_001_101_010),
-    ('K', 0b101_101_110_101_101),
-    ('L', 0b100_100_100_100_111),
-    ('M', 0b101_111_111_101_101),
-    ('N', 0b110_101_101_101_101),
-    ('O', 0b010_101_101_101_010),
-    ('P', 0b110_101_110_100_100),
-    ('Q', 0b010_101_101_010_001),
-    ('R', 0b110_101_110_101_101),
-    ('S', 0b011_100_010_001_110),
-    ('T', 0b111_010_010_010_010),
-    ('U', 0b101_101_101_101_111),
-    ('V', 0b101_101_101_101_010),
-    ('W', 0b101_101_111_111_101),
-    ('X', 0b101_101_010_101_101),
-    ('Y', 0b101_101_010_010_010),
-    ('Z', 0b111_001_010_100_111),
-    ('0', 0b111_101_101_101_111),
-    ('1', 0b010_110_010_010_111),
-    ('2', 0b110_001_010_100_111),
-    ('3', 0b110_001_010_001_110),
-    ('4', 0b101_101_111_001_001),
-    ('5', 0b111_100_110_001_110),
-    ('6', 0b011_100_111_101_111),
-    ('7', 0b111_001_010_010_010),
-    ('8', 0b111_101_111_101_111),
-    ('9', 0b111_101_111_001_110),
-    ('-', 0b000_000_111_000_000),
-    ('_', 0b000_000_000_000_111),
-    ('.', 0b000_000_000_000_010),
-    ('#', 0b101_111_101_111_101),
-    ('+', 0b000_010_111_010_000),
-];
-
-const GLYPH_WIDTH: i32 = 3;
-const GLYPH_HEIGHT: i32 = 5;
-
-/// The dots of a letter as column and row. Lower-case letters look like upper-case ones; unknown
-/// letters are empty.
-fn dots(letter: char) -> impl Iterator<Item = (i32, i32)> {
-    let letter = letter.to_ascii_uppercase();
-    let bits = GLYPHS
-        .iter()
-        .find(|glyph| glyph.0 == letter)
-        .map_or(0, |glyph| glyph.1);
-    (0..GLYPH_WIDTH * GLYPH_HEIGHT)
-        .filter(move |dot| bits >> (GLYPH_WIDTH * GLYPH_HEIGHT - 1 - dot) & 1 == 1)
-        .map(|dot| (dot % GLYPH_WIDTH, dot / GLYPH_WIDTH))
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ mod regions;
 
 use serde::{Deserialize, Serialize};
 
-use self::regions::{Moments, Region, Regions};
+use self::regions::{Region, Regions};
 use crate::vision::camera::Camera;
 use crate::vision::colour::labeller::Labeller;
 use crate::vision::colour::palette::Palette;
@@ -106,16 +106,11 @@ pub struct BlobFinder {
     blobs: Vec<Blob>,
 }
 
-/// A blob before its derived values are computed.
+/// One region, or several after merging, before the derived values of a blob are computed.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
-    region: u32,
-    left: u32,
-    right: u32,
-    top: u32,
-    bottom: u32,
-    moments: Moments,
-    perimeter: u64,
+    index: u32,
+    region: Region,
     code: u32,
     count: u32,
 }
@@ -193,25 +188,26 @@ impl BlobFinder {
     }
 
     fn add_perimeters(&mut self) {
-        let Some(smallest) = self.kept.iter().map(|kept| kept.moments.pixels).min() else {
+        let Some(smallest) = self
+            .kept
+            .iter()
+            .map(|kept| kept.region.moments.pixels)
+            .min()
+        else {
             return;
         };
         self.regions
             .measure_perimeters(|region| region.moments.pixels >= smallest);
         for kept in &mut self.kept {
-            kept.perimeter = self.regions.region(kept.region).perimeter;
+            kept.region = self.regions.region(kept.index);
         }
     }
 }
 
 /// Largest first; equal ones in reading order.
-fn order(candidate: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
-    (
-        std::cmp::Reverse(candidate.moments.pixels),
-        candidate.top,
-        candidate.left,
-        candidate.region,
-    )
+fn order(Candidate { index, region, .. }: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
+    let pixels = std::cmp::Reverse(region.moments.pixels);
+    (pixels, region.top, region.left, *index)
 }
 
 /// Merges blobs whose bounding boxes, extended by the margin, overlap, until none do or the limit
@@ -242,13 +238,8 @@ fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
 impl Candidate {
     fn new(index: u32, region: &Region) -> Candidate {
         Candidate {
-            region: index,
-            left: region.left,
-            right: region.right,
-            top: region.top,
-            bottom: region.bottom,
-            moments: region.moments,
-            perimeter: 0,
+            index,
+            region: *region,
             code: 1 << (region.label - 1),
             count: 1,
         }
@@ -256,34 +247,32 @@ impl Candidate {
 
     fn overlaps(&self, other: &Candidate, margin: u32) -> bool {
         let near = |low: u32, high: u32| low <= high.saturating_add(margin);
-        near(self.left, other.right)
-            && near(other.left, self.right)
-            && near(self.top, other.bottom)
-            && near(other.top, self.bottom)
+        let one = &self.region;
+        let other = &other.region;
+        near(one.left, other.right)
+            && near(other.left, one.right)
+            && near(one.top, other.bottom)
+            && near(other.top, one.bottom)
     }
 
     fn absorb(&mut self, other: &Candidate) {
-        self.left = self.left.min(other.left);
-        self.right = self.right.max(other.right);
-        self.top = self.top.min(other.top);
-        self.bottom = self.bottom.max(other.bottom);
-        self.moments.absorb(&other.moments);
-        self.perimeter += other.perimeter;
+        self.region.absorb(&other.region);
         self.code |= other.code;
         self.count += other.count;
     }
 
     fn blob(&self, size: Size, camera: Camera) -> Blob {
-        let w = self.right - self.left + 1;
-        let h = self.bottom - self.top + 1;
+        let region = &self.region;
+        let w = region.right - region.left + 1;
+        let h = region.bottom - region.top + 1;
         // Bounded by the number of pixels of the picture.
-        let pixels = self.moments.pixels as u32;
+        let pixels = region.moments.pixels as u32;
         let area = w * h;
-        let (cx, cy) = self.moments.centroid();
-        let axes = self.moments.axes();
+        let (cx, cy) = region.moments.centroid();
+        let axes = region.moments.axes();
         Blob {
-            x: self.left,
-            y: self.top,
+            x: region.left,
+            y: region.top,
             w,
             h,
             cx,
@@ -294,15 +283,15 @@ impl Candidate {
             rotation: axes.rotation,
             elongation: 1.0 - axes.roundness,
             roundness: axes.roundness,
-            perimeter: self.perimeter as u32,
+            perimeter: region.perimeter as u32,
             code: self.code,
             count: self.count,
             colour: self.code.trailing_zeros() as usize,
             bearing: camera.bearing(cx, cy, size),
-            edge: self.left == 0
-                || self.top == 0
-                || self.right + 1 == size.width
-                || self.bottom + 1 == size.height,
+            edge: region.left == 0
+                || region.top == 0
+                || region.right + 1 == size.width
+                || region.bottom + 1 == size.height,
         }
     }
 }

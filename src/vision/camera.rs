@@ -173,14 +173,24 @@ impl Camera {
             return None;
         }
         let level = elevation.cos();
-        self.pixel_of(
-            Ray {
-                ahead: level * bearing.cos(),
-                right: -level * bearing.sin(),
-                up: elevation.sin(),
-            },
-            size,
-        )
+        let ray = Ray {
+            ahead: level * bearing.cos(),
+            right: -level * bearing.sin(),
+            up: elevation.sin(),
+        };
+        self.pixel_of(ray, size)
+    }
+
+    fn pixel_of(&self, ray: Ray, size: Size) -> Option<(f64, f64)> {
+        let (roll_sin, roll_cos) = self.roll.to_radians().sin_cos();
+        let (pitch_sin, pitch_cos) = self.pitch.to_radians().sin_cos();
+        let depth = pitch_cos * ray.ahead + pitch_sin * ray.up;
+        let below = pitch_sin * ray.ahead - pitch_cos * ray.up;
+        let right = (roll_cos * ray.right - roll_sin * below) / depth;
+        let down = (roll_sin * ray.right + roll_cos * below) / depth;
+        let slopes = Slopes { right, down };
+        let is_ahead = depth > 0.0 && slopes.radius() <= STEEPEST;
+        is_ahead.then(|| self.position(self.distorted(slopes), size))
     }
 
     /// The place on the floor that a position shows; `None` at the horizon and above it.
@@ -195,13 +205,7 @@ impl Camera {
 
     /// Where a lens without distortion would show a position.
     pub(super) fn straighten(&self, x: f64, y: f64, size: Size) -> (f64, f64) {
-        let Slopes { right, down } = self.undistorted(self.plane(x, y, size));
-        let axis = self.axis(size);
-        let scale = scale(size.width);
-        (
-            axis.0 + self.focal[0] * scale * right,
-            axis.1 + self.focal[1] * scale * down,
-        )
+        self.position(self.undistorted(self.plane(x, y, size)), size)
     }
 
     /// Where the picture shows what is level with the lens.
@@ -231,24 +235,14 @@ impl Camera {
         }
     }
 
-    fn pixel_of(&self, ray: Ray, size: Size) -> Option<(f64, f64)> {
-        let (roll_sin, roll_cos) = self.roll.to_radians().sin_cos();
-        let (pitch_sin, pitch_cos) = self.pitch.to_radians().sin_cos();
-        let depth = pitch_cos * ray.ahead + pitch_sin * ray.up;
-        let below = pitch_sin * ray.ahead - pitch_cos * ray.up;
-        let right = (roll_cos * ray.right - roll_sin * below) / depth;
-        let down = (roll_sin * ray.right + roll_cos * below) / depth;
-        let slopes = Slopes { right, down };
-        let is_ahead = depth > 0.0 && slopes.radius() <= STEEPEST;
-        is_ahead.then(|| {
-            let shown = self.distorted(slopes);
-            let (x, y) = self.axis(size);
-            let scale = scale(size.width);
-            (
-                x + self.focal[0] * scale * shown.right,
-                y + self.focal[1] * scale * shown.down,
-            )
-        })
+    /// Column and row of a position that is given in focal lengths from the optical axis.
+    fn position(&self, Slopes { right, down }: Slopes, size: Size) -> (f64, f64) {
+        let (x, y) = self.axis(size);
+        let scale = scale(size.width);
+        (
+            x + self.focal[0] * scale * right,
+            y + self.focal[1] * scale * down,
+        )
     }
 
     /// A position in focal lengths from the optical axis, as the lens shows it.
@@ -344,12 +338,8 @@ impl Camera {
     /// Whether the distortion's derivative is positive definite here. It is symmetric, so where it
     /// is positive definite in a convex area, the lens maps that area one-to-one.
     fn is_increasing(&self, place: Slopes) -> bool {
-        let Jacobian {
-            right,
-            across,
-            down,
-        } = self.jacobian(place);
-        right > 0.0 && right * down > across * across
+        let slope = self.jacobian(place);
+        slope.right > 0.0 && slope.right * slope.down > slope.across * slope.across
     }
 
     /// The undistorted radius up to which the model of the lens is used: where the radial slope

@@ -2,8 +2,6 @@
 //!
 //! [`Colour::contains`] computes exactly; [`super::Palette`] is the fast, tabulated form.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
 pub(crate) mod labeller;
 pub(crate) mod learn;
 pub(crate) mod palette;
@@ -333,21 +331,14 @@ impl Serialize for Colour {
             return written.serialize(serializer);
         }
         let mut map = serializer.serialize_map(None)?;
-        let Written {
-            l,
-            a,
-            b,
-            h,
-            s,
-            v,
-            name,
-        } = written;
-        for (channel, range) in [("l", l), ("a", a), ("b", b), ("h", h), ("s", s), ("v", v)] {
+        let lab = [("l", written.l), ("a", written.a), ("b", written.b)];
+        let hsv = [("h", written.h), ("s", written.s), ("v", written.v)];
+        for (channel, range) in lab.into_iter().chain(hsv) {
             if let Some(range) = range {
                 map.serialize_entry(channel, &range)?;
             }
         }
-        if let Some(name) = name {
+        if let Some(name) = written.name {
             map.serialize_entry("name", &name)?;
         }
         map.end()

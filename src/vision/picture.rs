@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// A rectangle of pixels: origin top left, x right, y down. It may extend beyond a picture; the
 /// part outside is ignored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Roi {
     /// Left column.
@@ -86,10 +86,7 @@ pub struct Image {
 impl Default for Image {
     fn default() -> Self {
         Image {
-            size: Size {
-                width: 0,
-                height: 0,
-            },
+            size: Size::default(),
             planes: Default::default(),
             grey: true,
         }
@@ -183,7 +180,7 @@ pub const MAX_WIDTH: u32 = 1280;
 pub const MAX_HEIGHT: u32 = 1024;
 
 /// Width and height in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Size {
     /// Number of columns, 1..=[`MAX_WIDTH`].
     pub width: u32,

@@ -70,7 +70,7 @@ pub struct Track {
 }
 
 /// Follows blobs from frame to frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Tracker {
     options: TrackerOptions,
     camera: Camera,
@@ -92,14 +92,7 @@ impl Tracker {
         Tracker {
             options,
             camera,
-            newest: None,
-            given: 0,
-            followed: Vec::new(),
-            tracks: Vec::new(),
-            pairs: Vec::new(),
-            owned: Vec::new(),
-            hosts: Vec::new(),
-            crowd: Vec::new(),
+            ..Tracker::default()
         }
     }
 

@@ -5,7 +5,7 @@ use std::fmt;
 use bytes::{Bytes, BytesMut};
 
 use super::text::{emit_prefixed, parse_prefixed};
-use super::{Led, Packet, Sound, Stream, kind, packet};
+use super::{Engage, Led, Packet, Sound, Stream, kind, packet};
 
 /// A message to the robot. Each variant's doc begins with its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
@@ -179,42 +179,6 @@ impl fmt::Debug for Command {
             Command::LogQuery => f.write_str("LogQuery"),
             Command::MotorSpeed(bytes) => write!(f, "MotorSpeed({} bytes)", bytes.len()),
             Command::Unknown(packet) => write!(f, "Unknown({packet:?})"),
-        }
-    }
-}
-
-/// The request in an ENGINE message (`PROTOCOL.md`, ENGINE).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Engage {
-    /// 5 CHARGE_STOP: leave the station.
-    Undock,
-    /// 6 BASE_FIND: search for the station and drive onto it.
-    Dock,
-    /// 7 BASE_FIND_CANCEL: stop searching.
-    CancelDock,
-    /// A byte that the protocol does not list.
-    Unknown(u8),
-}
-
-impl Engage {
-    /// The byte on the wire.
-    pub fn to_byte(self) -> u8 {
-        match self {
-            Engage::Undock => 5,
-            Engage::Dock => 6,
-            Engage::CancelDock => 7,
-            Engage::Unknown(byte) => byte,
-        }
-    }
-}
-
-impl From<u8> for Engage {
-    fn from(byte: u8) -> Engage {
-        match byte {
-            5 => Engage::Undock,
-            6 => Engage::Dock,
-            7 => Engage::CancelDock,
-            other => Engage::Unknown(other),
         }
     }
 }

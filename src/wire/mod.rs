@@ -13,13 +13,13 @@ mod report;
 mod text;
 mod values;
 
-pub use command::{Command, Engage, FileChunk, Login, Secret};
+pub use command::{Command, FileChunk, Login, Secret};
 pub use packet::{Decoder, FramingError, HEADER_LEN, MAX_PACKET_LEN, MAX_PAYLOAD_LEN, Packet};
-pub use report::{Accepted, EngineReport, Power, Refusal, Report};
+pub use report::{Accepted, Power, Report};
 pub use text::{
     Network, Setting, join_settings, latin1, parse_networks, parse_settings, to_latin1,
 };
-pub use values::{Led, Sound, Stream};
+pub use values::{Engage, EngineReport, Led, Refusal, Sound, Stream};
 
 /// TCP and UDP port of the robot (`PROTOCOL.md`, *Network*).
 pub const PORT: u16 = 9000;

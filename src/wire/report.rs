@@ -5,7 +5,7 @@ use std::fmt;
 use bytes::{Bytes, BytesMut};
 
 use super::text::{emit_prefixed, parse_prefixed};
-use super::{Packet, kind, packet};
+use super::{EngineReport, Packet, Refusal, kind, packet};
 
 /// A message from the robot. Each variant's doc begins with its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
@@ -70,7 +70,9 @@ impl Report {
             (kind::VIDEO, _) => Report::Video(payload.clone()),
             (kind::POWER, &[byte, ..]) => Report::Power(Power::from_byte(byte)),
             (kind::STOP, _) => Report::SoundFinished,
-            (kind::AUTH_REPLY, &[0, ..]) => Report::Refused(Refusal::parse(&payload[1..])),
+            // A reply without a reason counts as reason 0.
+            (kind::AUTH_REPLY, [0]) => Report::Refused(Refusal::Unknown(0)),
+            (kind::AUTH_REPLY, &[0, reason, ..]) => Report::Refused(reason.into()),
             (kind::AUTH_REPLY, &[_, ref rest @ ..]) => Accepted::parse(rest)
                 .map_or_else(|| Report::Unknown(packet.clone()), Report::Accepted),
             (kind::CONFIG, _) => Report::Config(payload.clone()),
@@ -186,76 +188,6 @@ impl Accepted {
             docked: *state == Self::DOCKED,
             tail: Bytes::copy_from_slice(tail),
         })
-    }
-}
-
-/// Why a login was refused (`PROTOCOL.md`, AUTH_REPLY).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Refusal {
-    /// 1: wrong user or password.
-    WrongPassword,
-    /// 3: another user is connected.
-    InUse,
-    /// A reason that the protocol does not list.
-    Unknown(u8),
-}
-
-impl Refusal {
-    /// A reply without a reason counts as reason 0.
-    fn parse(rest: &[u8]) -> Refusal {
-        match rest.first().copied().unwrap_or(0) {
-            1 => Refusal::WrongPassword,
-            3 => Refusal::InUse,
-            other => Refusal::Unknown(other),
-        }
-    }
-
-    fn to_byte(self) -> u8 {
-        match self {
-            Refusal::WrongPassword => 1,
-            Refusal::InUse => 3,
-            Refusal::Unknown(byte) => byte,
-        }
-    }
-}
-
-/// The event in an ENGINE message (`PROTOCOL.md`, ENGINE).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum EngineReport {
-    /// 1 ACTIVATE: the robot has left the charging station.
-    Undocked,
-    /// 2 DEACTIVATE: the robot is on the charging station.
-    Docked,
-    /// 3 BATTERY_CHARGED: the battery is full.
-    Charged,
-    /// 8 BASE_NOT_FOUND: the search failed.
-    BaseNotFound,
-    /// A byte that the protocol does not list.
-    Unknown(u8),
-}
-
-impl EngineReport {
-    /// The byte on the wire.
-    pub fn to_byte(self) -> u8 {
-        match self {
-            EngineReport::Undocked => 1,
-            EngineReport::Docked => 2,
-            EngineReport::Charged => 3,
-            EngineReport::BaseNotFound => 8,
-            EngineReport::Unknown(byte) => byte,
-        }
-    }
-}
-
-impl From<u8> for EngineReport {
-    fn from(byte: u8) -> EngineReport {
-        match byte {
-            1 => EngineReport::Undocked,
-            2 => EngineReport::Docked,
-            3 => EngineReport::Charged,
-            8 => EngineReport::BaseNotFound,
-            other => EngineReport::Unknown(other),
-        }
     }
 }
 

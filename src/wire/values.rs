@@ -1,4 +1,5 @@
-//! The enumerated values of STREAMCTL, LED and PLAY (`PROTOCOL.md`) and their names in scripts.
+//! The enumerated values of STREAMCTL, LED, PLAY, ENGINE and AUTH_REPLY (`PROTOCOL.md`) and their
+//! names in scripts.
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -125,6 +126,42 @@ wire_byte! {
     }
 }
 
+wire_byte! {
+    /// The request in an ENGINE message to the robot (`PROTOCOL.md`, ENGINE).
+    Engage {
+        /// CHARGE_STOP: leave the station.
+        Undock = 5, "undock";
+        /// BASE_FIND: search for the station and drive onto it.
+        Dock = 6, "dock";
+        /// BASE_FIND_CANCEL: stop searching.
+        CancelDock = 7, "cancel_dock";
+    }
+}
+
+wire_byte! {
+    /// The event in an ENGINE message from the robot (`PROTOCOL.md`, ENGINE).
+    EngineReport {
+        /// ACTIVATE: the robot has left the charging station.
+        Undocked = 1, "undocked";
+        /// DEACTIVATE: the robot is on the charging station.
+        Docked = 2, "docked";
+        /// BATTERY_CHARGED: the battery is full.
+        Charged = 3, "charged";
+        /// The search failed.
+        BaseNotFound = 8, "base_not_found";
+    }
+}
+
+wire_byte! {
+    /// Why a login was refused (`PROTOCOL.md`, AUTH_REPLY).
+    Refusal {
+        /// Wrong user or password.
+        WrongPassword = 1, "password";
+        /// Another user is connected.
+        InUse = 3, "busy";
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,6 +172,9 @@ mod tests {
             assert_eq!(Stream::from(byte).to_byte(), byte);
             assert_eq!(Led::from(byte).to_byte(), byte);
             assert_eq!(Sound::from(byte).to_byte(), byte);
+            assert_eq!(Engage::from(byte).to_byte(), byte);
+            assert_eq!(EngineReport::from(byte).to_byte(), byte);
+            assert_eq!(Refusal::from(byte).to_byte(), byte);
         }
     }
 

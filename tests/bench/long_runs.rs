@@ -1,5 +1,5 @@
-//! `scripts/soak`, `scripts/month`, `scripts/rescue`, `scripts/explore` and `scripts/stops`: long runs, each
-//! with a table of what was promised and what happened. They exit with 1 if a promise was broken.
+//! `scripts/soak`, `scripts/month`, `scripts/rescue`, `scripts/explore`, `scripts/stops` and
+//! `scripts/score-behaviours --stuck`: long runs, each with a table of what was promised and what happened. They exit with 1 if a promise was broken.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
@@ -7,11 +7,11 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread::available_parallelism;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::{Args, Parser, ValueEnum, value_parser as number};
 use spykee::safety::{Limits, Rescue};
-use spykee::sim::Firmware;
+use spykee::sim::{Firmware, World};
 
 #[path = "../long_runs.rs"]
 #[allow(dead_code)]
@@ -27,7 +27,8 @@ use long_runs::rescue::{Case, Name, Row, Strategy, heading, play_all};
 use long_runs::soak::Ledger;
 use long_runs::stops::breaks::{self, End, Outage, Outcome};
 use long_runs::stops::queue::{self, Driver};
-use long_runs::{explore, in_parallel, month, soak};
+use long_runs::stuck::Score;
+use long_runs::{explore, flats, in_parallel, month, soak, stuck};
 
 /// Long runs, in virtual time except for `stops breaks`.
 #[derive(Parser)]
@@ -38,6 +39,7 @@ enum Arguments {
     Rescue(RescueArgs),
     Explore(ExploreArgs),
     Stops(StopsArgs),
+    Stuck(StuckArgs),
 }
 
 /// Runs patrol and guard unattended for hours of virtual time, with random failures of network,
@@ -158,6 +160,36 @@ enum StopsPart {
     Breaks,
 }
 
+/// Measures how often a script is told that its robot is blocked by something, the rate of false
+/// alarms, and how far off its pose is after a minute. Exits with 1 if the goals are missed.
+#[derive(Args)]
+struct StuckArgs {
+    /// Robots in each world
+    #[arg(long, default_value_t = 4)]
+    seeds: u64,
+    /// The seed of the first of them
+    #[arg(long, default_value_t = 1)]
+    first: u64,
+    /// Virtual minutes for which each robot drives
+    #[arg(long, default_value_t = 8)]
+    minutes: u64,
+    /// Only this built-in world
+    #[arg(long)]
+    world: Option<String>,
+    /// Number of generated flats, each with one robot
+    #[arg(long, default_value_t = 12)]
+    flats: u64,
+    /// The seed of the first flat
+    #[arg(long, default_value_t = 1001)]
+    first_flat: u64,
+    /// No built-in worlds
+    #[arg(long)]
+    only_flats: bool,
+    /// Print every missed blockage and every false alarm
+    #[arg(long)]
+    list: bool,
+}
+
 /// Number of robots between two progress messages.
 const PROGRESS_EVERY: usize = 10;
 
@@ -172,6 +204,7 @@ fn main() -> ExitCode {
         Arguments::Rescue(args) => Ok(run_rescue(&args)),
         Arguments::Explore(args) => Ok(run_explore(&args)),
         Arguments::Stops(args) => Ok(run_stops(&args)),
+        Arguments::Stuck(args) => Ok(run_stuck(&args)),
     };
     match is_kept {
         Ok(true) => ExitCode::SUCCESS,
@@ -386,4 +419,39 @@ fn run_breaks(args: &StopsArgs) -> bool {
         breaks::GOAL
     );
     table.is_kept()
+}
+
+/// Returns whether the goals are reached in flats that are generated, or, without them, in the
+/// built-in worlds.
+fn run_stuck(args: &StuckArgs) -> bool {
+    println!("{}", Score::heading("world"));
+    let has_flats = args.flats > 0 && args.world.is_none();
+    let flats = 0..if has_flats { args.flats } else { 0 };
+    let flats = flats.map(|number| (flats::flat(args.first_flat + number).world, number + 1));
+    let unseen = score(args, "generated flats", flats.collect());
+    let mut builtin = Score::default();
+    for name in World::builtin_names() {
+        if args.only_flats || args.world.as_deref().is_some_and(|only| only != name) {
+            continue;
+        }
+        let seeds = args.first..args.first + args.seeds;
+        let robots = seeds.map(|seed| (World::builtin(name).unwrap(), seed));
+        builtin.add(score(args, name, robots.collect()));
+    }
+    println!("{}", builtin.line("all built-in worlds"));
+    for (name, score) in [("generated flats", &unseen), ("built-in worlds", &builtin)] {
+        println!("\nIn {name}: {}", score.rates());
+        score.print_kinds();
+    }
+    let judged = if has_flats { unseen } else { builtin };
+    judged.reaches_the_goals()
+}
+
+fn score(args: &StuckArgs, name: &str, robots: Vec<(World, u64)>) -> Score {
+    let score = stuck::play_all(&robots, Duration::from_secs(60 * args.minutes));
+    println!("{}", score.line(name));
+    if args.list {
+        score.notes.iter().for_each(|note| eprintln!("  {note}"));
+    }
+    score
 }

@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Pose, Robot, StationDistances, TraceEventKind, World};
+use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
 use spykee::vision::{
     BlobOptions, Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes,
 };
 use spykee::wire::{Command, Report, Stream};
 
 use crate::long_runs::flats::flat;
+use crate::long_runs::flats::station_distances::StationDistances;
 use crate::rig::{assert_contains, command, run_in};
 
 const STEP: Duration = Duration::from_millis(20);

@@ -11,14 +11,13 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::agent::Behaviour;
 use spykee::safety::{Limits, PowerMeaning, Rescue};
-use spykee::sim::{
-    BatterySettings, Point, Pose, PowerReading, RADIUS, State, StationDistances, World,
-};
+use spykee::sim::{BatterySettings, Point, Pose, PowerReading, RADIUS, State, World};
 use spykee::simulation::{Event, EventKind, Recorder, Simulation};
 use spykee::{script, simulation};
 use tokio::time::{sleep, timeout};
 
 use super::flats::flat;
+use super::flats::station_distances::StationDistances;
 use super::{TWO_ROOMS, behaviour, in_parallel, two_rooms};
 
 const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");

@@ -5,11 +5,12 @@ use std::fmt;
 use std::time::Duration;
 
 use spykee::clock::hours;
-use spykee::sim::{FULL_SPEED, Pose, State, StationDistances, Tracks, World};
+use spykee::sim::{FULL_SPEED, Pose, State, Tracks, World};
 use spykee::simulation::{EventKind, Simulation};
 use spykee::wire::{Command, Engage};
 
 use super::super::Events;
+use super::super::flats::station_distances::StationDistances;
 use super::{FaultFeed, HOME, Ledger, Loss};
 
 /// How often it looks, in virtual time.

@@ -2,11 +2,15 @@
 //! rooms, often along a corridor, with doorways, furniture, rugs, posts, balls and people; floors,
 //! walls, light, camera and tracks differ too. The same seed gives the same flat.
 
+pub mod station_distances;
+
 use std::collections::BTreeMap;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use spykee::sim::{Point, StationDistances, World};
+use spykee::sim::{Point, World};
+
+use self::station_distances::StationDistances;
 
 /// Least free width between two things, metres: the robot is 0.3 m wide.
 const GAP: f64 = 0.5;

@@ -11,7 +11,7 @@ use super::{Console, Exit, Failure, LessonParser, print};
 use crate::cli::argument;
 use crate::cli::check::{has_errors, of_source};
 use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, scenario_process};
-use crate::cli::world::{parse_png, save};
+use crate::cli::world::parse_png;
 use crate::config::Config;
 use crate::files;
 use crate::scenario::{RunSettings, ScenarioFile};
@@ -190,7 +190,8 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     let failed = feedback.marks.first_failure();
     let snapshot = failed.and_then(|failure| failure.snapshot.as_ref());
     if let (Some(path), Some(snapshot)) = (&args.picture, snapshot) {
-        save(&snapshot.picture, path)?;
+        std::fs::write(path, &snapshot.picture)
+            .map_err(|error| Failure::unwritable(path, error))?;
     }
     print(&if args.json {
         format!("{:#}\n", feedback.json())

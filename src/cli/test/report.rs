@@ -379,12 +379,9 @@ fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn>
         path: path.to_owned(),
         source,
     };
-    let mut png = std::io::Cursor::new(Vec::new());
-    let drawn = snapshot.picture.write_to(&mut png, image::ImageFormat::Png);
-    drawn.map_err(|error| cannot(io::Error::other(error)))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Folder::make(folder)
-        .and_then(|folder| folder.replace(&name, &png.into_inner()))
+        .and_then(|folder| folder.replace(&name, &snapshot.picture))
         .map_err(cannot)
 }
 

@@ -29,13 +29,15 @@ const SAG: f64 = 14.0;
 /// By how much the voltage rises while the battery charges.
 const RISE: f64 = 20.0;
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Battery {
     settings: BatterySettings,
-    percent: f64,
+    /// The level, 0..=100, unrounded.
+    pub(super) percent: f64,
     /// The motors' load, 0..=1.
     effort: f64,
-    charging: bool,
+    /// Charging does not stop at 100 %.
+    pub(super) charging: bool,
     full_reported: bool,
 }
 
@@ -44,15 +46,8 @@ impl Battery {
         Battery {
             settings,
             percent: settings.level,
-            effort: 0.0,
-            charging: false,
-            full_reported: false,
+            ..Battery::default()
         }
-    }
-
-    /// Returns the level, 0..=100, unrounded.
-    pub(crate) fn percent(&self) -> f64 {
-        self.percent
     }
 
     /// Sets the level, clamped to 0..=100; NaN counts as 0.
@@ -62,11 +57,6 @@ impl Battery {
         } else {
             percent.clamp(0.0, 100.0)
         };
-    }
-
-    /// Whether it is charging; charging does not stop at 100 %.
-    pub(crate) fn charging(&self) -> bool {
-        self.charging
     }
 
     pub(crate) fn set_charging(&mut self, charging: bool) {
@@ -259,8 +249,8 @@ mod tests {
         let mut driving = battery(50.0);
         standing.step(MINUTE, 0.0);
         driving.step(MINUTE, 1.0);
-        assert!((standing.percent() - 49.0).abs() < 1e-9);
-        assert!((driving.percent() - 46.0).abs() < 1e-9);
+        assert!((standing.percent - 49.0).abs() < 1e-9);
+        assert!((driving.percent - 46.0).abs() < 1e-9);
     }
 
     #[test]
@@ -291,7 +281,7 @@ mod tests {
         let mut battery = battery(95.0);
         battery.set_charging(true);
         battery.step(MINUTE, 0.0);
-        assert_eq!(battery.percent(), 100.0);
+        assert_eq!(battery.percent, 100.0);
         assert!(battery.take_full());
         assert!(!battery.take_full());
         battery.set_charging(false);
@@ -303,11 +293,11 @@ mod tests {
     fn levels_stay_within_their_range() {
         let mut battery = battery(0.5);
         battery.step(MINUTE, 1.0);
-        assert_eq!(battery.percent(), 0.0);
+        assert_eq!(battery.percent, 0.0);
         battery.set_percent(f64::NAN);
-        assert_eq!(battery.percent(), 0.0);
+        assert_eq!(battery.percent, 0.0);
         battery.set_percent(1e9);
-        assert_eq!(battery.percent(), 100.0);
+        assert_eq!(battery.percent, 100.0);
     }
 
     #[test]

@@ -58,35 +58,27 @@ fn speed_of(power: i8, dead_zone: f64) -> f64 {
     share * FULL_SPEED
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Chassis {
     pub(crate) pose: Pose,
     wanted: Tracks<f64>,
-    speeds: Tracks<f64>,
-    blocked: bool,
-    collisions: u64,
+    /// Metres per second. Against a wall the tracks turn but the body does not move.
+    pub(super) speeds: Tracks<f64>,
+    pub(super) blocked: bool,
+    pub(super) collisions: u64,
 }
 
 impl Chassis {
     pub(crate) fn new(pose: Pose) -> Chassis {
         Chassis {
             pose,
-            wanted: Tracks::default(),
-            speeds: Tracks::default(),
-            blocked: false,
-            collisions: 0,
+            ..Chassis::default()
         }
     }
 
     /// Sets the target speeds of the tracks, metres per second.
     pub(crate) fn set_target(&mut self, speeds: Tracks<f64>) {
         self.wanted = speeds;
-    }
-
-    /// Returns the tracks' speeds, metres per second. Against a wall the tracks turn but the body
-    /// does not move.
-    pub(crate) fn speeds(&self) -> Tracks<f64> {
-        self.speeds
     }
 
     /// Returns the forward speed, metres per second; negative when driving backwards.
@@ -97,14 +89,6 @@ impl Chassis {
     /// Returns the turning speed, radians per second, left positive.
     pub(crate) fn turning_speed(&self) -> f64 {
         (self.speeds.right - self.speeds.left) / TRACK_WIDTH
-    }
-
-    pub(crate) fn blocked(&self) -> bool {
-        self.blocked
-    }
-
-    pub(crate) fn collisions(&self) -> u64 {
-        self.collisions
     }
 
     /// Returns the motors' load, 0..=1.
@@ -270,24 +254,24 @@ mod tests {
         let obstacles = obstacles();
         body.set_target(Tracks::new(90, 90).speeds(DEAD_ZONE));
         body.step(TICK, &obstacles, &[]);
-        assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);
+        assert!(body.speeds.left > 0.0 && body.speeds.left < FULL_SPEED / 2.0);
         (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
-        assert_eq!(body.speeds(), Tracks::new(FULL_SPEED, FULL_SPEED));
+        assert_eq!(body.speeds, Tracks::new(FULL_SPEED, FULL_SPEED));
         body.set_target(Tracks::default());
         body.step(TICK, &obstacles, &[]);
-        assert!(body.speeds().left > FULL_SPEED / 2.0);
+        assert!(body.speeds.left > FULL_SPEED / 2.0);
         (0..50).for_each(|_| body.step(TICK, &obstacles, &[]));
-        assert_eq!(body.speeds(), Tracks::default());
+        assert_eq!(body.speeds, Tracks::default());
     }
 
     #[test]
     fn a_wall_counts_one_collision_and_reversing_frees_the_robot() {
         let mut body = driven(Pose::new(5.0, 3.0, 0.0), 90, 90, 5);
-        assert!(body.blocked() && body.collisions() == 1);
+        assert!(body.blocked && body.collisions == 1);
         assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
         body.set_target(Tracks::new(-90, -90).speeds(DEAD_ZONE));
         (0..100).for_each(|_| body.step(TICK, &obstacles(), &[]));
-        assert!(body.pose.x < 5.5 && !body.blocked() && body.collisions() == 1);
+        assert!(body.pose.x < 5.5 && !body.blocked && body.collisions == 1);
     }
 
     #[test]

@@ -92,8 +92,9 @@ pub(crate) enum DockingStep {
     Left,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 enum DockingPhase {
+    #[default]
     Idle,
     Searching,
     Approaching,
@@ -114,7 +115,7 @@ enum DockingPhase {
     },
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Docking {
     phase: DockingPhase,
     search_limit: Duration,
@@ -128,11 +129,8 @@ impl Docking {
     /// Creates an idle state. A search fails after `search_limit` without the beacon.
     pub(crate) fn new(search_limit: Duration) -> Docking {
         Docking {
-            phase: DockingPhase::Idle,
             search_limit,
-            elapsed: Duration::ZERO,
-            unseen: Duration::ZERO,
-            failed: 0,
+            ..Docking::default()
         }
     }
 
@@ -362,8 +360,9 @@ fn free_direction(inputs: &DockingInputs<'_>, target: Point) -> f64 {
 
 #[derive(Debug)]
 pub(super) struct Contacts {
-    touching: bool,
-    docked: bool,
+    pub(super) touching: bool,
+    /// While the robot backs out, true until it has left the station.
+    pub(super) docked: bool,
     /// The station's infrared beacon is on.
     pub(super) beacon: bool,
     /// The station charges when the contacts touch.
@@ -371,7 +370,7 @@ pub(super) struct Contacts {
     settings: DockingSettings,
     random: StdRng,
     /// The robot has entered without contact and not yet left the contacts' place.
-    missed: bool,
+    pub(super) missed: bool,
     /// The sun dazzles the receivers, and for how long that stays as it is.
     dazzled: bool,
     dazzle_left: Duration,
@@ -405,22 +404,9 @@ impl Contacts {
         }
     }
 
-    pub(super) fn touching(&self) -> bool {
-        self.touching
-    }
-
-    pub(super) fn missed(&self) -> bool {
-        self.missed
-    }
-
     /// Whether receivers in its light hear the beacon.
     pub(super) fn hears_beacon(&self) -> bool {
         self.beacon && !self.dazzled
-    }
-
-    /// Whether the robot is docked; while it backs out, true until it has left the station.
-    pub(super) fn docked(&self) -> bool {
-        self.docked
     }
 
     pub(super) fn charging(&self) -> bool {
@@ -558,6 +544,6 @@ mod tests {
             body.step(TICK, &obstacles, &[]);
         }
         assert!(!docking.leaving() && station.offset(body.pose).0 >= LEFT_AT);
-        assert_eq!(body.collisions(), 0);
+        assert_eq!(body.collisions, 0);
     }
 }

@@ -50,7 +50,7 @@ struct Playing {
 
 #[derive(Debug, Clone)]
 pub(crate) struct Speaker {
-    volume: u8,
+    pub(super) volume: u8,
     music: Duration,
     playing: Option<Playing>,
     phase: f64,
@@ -64,10 +64,6 @@ impl Speaker {
             playing: None,
             phase: 0.0,
         }
-    }
-
-    pub(crate) fn volume(&self) -> u8 {
-        self.volume
     }
 
     pub(crate) fn set_volume(&mut self, percent: u8) {

@@ -17,7 +17,7 @@ const TURN: f64 = 0.1;
 const MAX_STEP: f64 = 0.1;
 
 /// The robot's pose at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
     /// Simulated time since the start.
     pub at: Duration,
@@ -67,7 +67,7 @@ pub enum TraceEventKind {
 }
 
 /// The trace of one robot so far.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Trace {
     samples: Vec<Sample>,
     /// One in this many strides is kept.
@@ -91,13 +91,8 @@ impl Trace {
         Trace {
             samples: vec![start],
             thin: 1,
-            skipped: 0,
-            events: Vec::new(),
-            missed: 0,
             now: start,
-            balls: Vec::new(),
-            walkers: Vec::new(),
-            distance: 0.0,
+            ..Trace::default()
         }
     }
 

@@ -4,7 +4,7 @@
 use kurbo::{BezPath, PathEl};
 use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
 
-use super::light::{Lighting, light};
+use super::light::{Grid, Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Level, Pixel, Texture, between, lit};
 use super::view::{Canvas, Row, View};
@@ -50,30 +50,24 @@ impl Floor {
             .get_or_insert_with(|| floor_texture(&self.world));
         let glossy = self.world.room.floor == objects::Floor::GlossyTiles;
         let even = lighting.is_uniform() && !view.flash;
-        let Canvas {
-            width,
-            height,
-            left,
-            horizon,
-            ..
-        } = view.canvas;
-        for row in horizon..height {
-            let Row {
-                depth,
-                lamps,
-                flash,
-            } = self.rows[row - horizon];
+        let width = view.canvas.width;
+        for (row, shown) in (view.canvas.horizon..).zip(&self.rows) {
+            let depth = shown.depth;
             let texels = Texels::at_depth(floor, view, depth);
             let line = &mut frame[row * width..][..width];
             for (patch, floor_tops) in (0..width).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
                 if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
                 }
-                let middle = view.column(if even { left } else { patch + PATCH / 2 });
+                let middle = view.column(if even {
+                    view.canvas.left
+                } else {
+                    patch + PATCH / 2
+                });
                 let (px, py) = view.place(middle, depth);
                 let room = lighting.at(px, py);
-                let flash = flash * view.beam(middle);
-                let light = light(room.map(|channel| (channel * lamps + flash) * exposure));
+                let flash = shown.flash * view.beam(middle);
+                let light = light(room.map(|channel| (channel * shown.lamps + flash) * exposure));
                 let visible = |column: usize| row >= floor_tops[column];
                 texels.paint(&mut line[patch..][..PATCH], patch, light, visible);
             }
@@ -348,43 +342,25 @@ fn split_number(number: f32) -> (i32, f32) {
     (whole, number - whole as f32)
 }
 
-/// The share of light that reaches each place, on a coarse grid with interpolation.
+/// The share of light that reaches each place, on a coarse grid.
 #[derive(Debug)]
-struct Shadows {
-    columns: usize,
-    rows: usize,
-    light: Vec<f32>,
-}
+struct Shadows(Grid<1>);
 
 impl Shadows {
     fn new(world: &World, obstacles: &Obstacles) -> Shadows {
-        let columns = (world.room.width as f32 / CELL).ceil() as usize + 2;
-        let rows = (world.room.depth as f32 / CELL).ceil() as usize + 2;
-        let light = |i: usize| {
-            let column = (i % columns) as f64;
-            let row = (i / columns) as f64;
-            let point = Point::new(column * f64::from(CELL), row * f64::from(CELL));
+        let points = |side: f64| (side as f32 / CELL).ceil() as usize + 2;
+        let light = |column: usize, row: usize| {
+            let cell = f64::from(CELL);
+            let point = Point::new(column as f64 * cell, row as f64 * cell);
             let clear = obstacles.clearance(point) as f32 / SHADOW;
-            0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()
+            [0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()]
         };
-        Shadows {
-            columns,
-            rows,
-            light: (0..columns * rows).map(light).collect(),
-        }
+        let room = &world.room;
+        Shadows(Grid::new(points(room.width), points(room.depth), light))
     }
 
     fn at(&self, x: f32, y: f32) -> f32 {
-        let x = (x * (1.0 / CELL)).clamp(0.0, (self.columns - 2) as f32);
-        let y = (y * (1.0 / CELL)).clamp(0.0, (self.rows - 2) as f32);
-        let column = x as usize;
-        let row = y as usize;
-        let dx = x - column as f32;
-        let dy = y - row as f32;
-        let near = row * self.columns + column;
-        let far = near + self.columns;
-        let front = self.light[near] * (1.0 - dx) + self.light[near + 1] * dx;
-        let back = self.light[far] * (1.0 - dx) + self.light[far + 1] * dx;
-        front * (1.0 - dy) + back * dy
+        let [light] = self.0.at(x * (1.0 / CELL), y * (1.0 / CELL));
+        light
     }
 }

@@ -6,7 +6,8 @@
 use super::floor::PATCH;
 use super::texture::{Pixel, mix};
 use super::view::{Canvas, HEIGHT, WIDTH};
-use crate::sim::world::settings::{CameraSettings, LensNumbers};
+use crate::sim::world::settings::CameraSettings;
+use crate::vision::Camera;
 
 /// Most steps to find where the distortion comes from, and the error, in focal lengths, at which the
 /// search ends.
@@ -19,19 +20,13 @@ const STEEPEST: f64 = 4.0;
 
 /// Pose and lens, with the source of each pixel in the rendered image.
 pub(super) struct Lens {
-    optics: Optics,
-    canvas: Canvas,
+    camera: Camera,
+    /// The image to render.
+    pub(super) canvas: Canvas,
     /// Computed for the first frame: most simulated robots never take one.
     sources: Vec<Source>,
-    frame: Vec<Pixel>,
-}
-
-/// What turns a pixel of the frame into a ray.
-#[derive(Debug, Clone, Copy)]
-struct Optics {
-    numbers: LensNumbers,
-    pitch: f64,
-    roll: f64,
+    /// The last frame.
+    pub(super) frame: Vec<Pixel>,
 }
 
 /// Slopes of a ray to the right and down, per unit of length ahead.
@@ -53,37 +48,19 @@ struct Source {
 
 impl Lens {
     pub(super) fn new(settings: &CameraSettings) -> Lens {
-        let optics = Optics {
-            numbers: settings.lens(),
-            pitch: settings.pitch.to_radians(),
-            roll: settings.roll.to_radians(),
-        };
+        let camera = settings.calibrated();
         Lens {
-            optics,
-            canvas: optics.canvas(settings.height as f32),
+            camera,
+            canvas: canvas(&camera),
             sources: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
         }
     }
 
-    /// Returns the image to render.
-    pub(super) fn canvas(&self) -> Canvas {
-        self.canvas
-    }
-
-    /// Returns the last frame.
-    pub(super) fn frame(&self) -> &[Pixel] {
-        &self.frame
-    }
-
-    pub(super) fn frame_mut(&mut self) -> &mut [Pixel] {
-        &mut self.frame
-    }
-
     /// Takes a frame of the rendered image.
     pub(super) fn take(&mut self, rendered: &[Pixel]) {
         if self.sources.is_empty() {
-            self.sources = self.optics.sources(self.canvas);
+            self.sources = sources(&self.camera, self.canvas);
         }
         let width = self.canvas.width;
         let at = |index: usize| {
@@ -102,93 +79,88 @@ impl Lens {
     }
 }
 
-impl Optics {
-    /// Returns the image that covers all that the frame shows, whose outermost rays are those of
-    /// the frame's edge.
-    fn canvas(&self, eye: f32) -> Canvas {
-        let focal = self.numbers.focal[0].max(self.numbers.focal[1]);
-        let columns = 0..WIDTH;
-        let rows = 0..HEIGHT;
-        let across = columns.flat_map(|column| [(column, 0), (column, HEIGHT - 1)]);
-        let along = rows.flat_map(|row| [(0, row), (WIDTH - 1, row)]);
-        let mut least = Slopes::default();
-        let mut most = Slopes::default();
-        for (column, row) in across.chain(along) {
-            let ray = self.turned(self.straightened(column, row, None));
-            least.right = least.right.min(ray.right);
-            least.down = least.down.min(ray.down);
-            most.right = most.right.max(ray.right);
-            most.down = most.down.max(ray.down);
-        }
-        let pixels = |slope: f64| (slope.min(STEEPEST) * focal + MARGIN).ceil() as usize;
-        let left = pixels(-least.right);
-        let horizon = pixels(-least.down);
-        Canvas {
-            width: (left + pixels(most.right)).next_multiple_of(PATCH),
-            height: horizon + pixels(most.down),
-            left,
-            horizon,
-            focal: focal as f32,
-            eye,
+/// Returns the image that covers all that the frame shows, whose outermost rays are those of the
+/// frame's edge.
+fn canvas(camera: &Camera) -> Canvas {
+    let focal = camera.focal[0].max(camera.focal[1]);
+    let across = (0..WIDTH).flat_map(|column| [(column, 0), (column, HEIGHT - 1)]);
+    let along = (0..HEIGHT).flat_map(|row| [(0, row), (WIDTH - 1, row)]);
+    let mut least = Slopes::default();
+    let mut most = Slopes::default();
+    for (column, row) in across.chain(along) {
+        let ray = turned(camera, straightened(camera, column, row, None));
+        least.right = least.right.min(ray.right);
+        least.down = least.down.min(ray.down);
+        most.right = most.right.max(ray.right);
+        most.down = most.down.max(ray.down);
+    }
+    let pixels = |slope: f64| (slope.min(STEEPEST) * focal + MARGIN).ceil() as usize;
+    let left = pixels(-least.right);
+    let horizon = pixels(-least.down);
+    Canvas {
+        width: (left + pixels(most.right)).next_multiple_of(PATCH),
+        height: horizon + pixels(most.down),
+        left,
+        horizon,
+        focal: focal as f32,
+        eye: camera.height as f32,
+    }
+}
+
+fn sources(camera: &Camera, canvas: Canvas) -> Vec<Source> {
+    let mut sources = Vec::with_capacity(WIDTH * HEIGHT);
+    for row in 0..HEIGHT {
+        let mut last = None;
+        for column in 0..WIDTH {
+            let straight = straightened(camera, column, row, last);
+            last = Some(straight);
+            sources.push(Source::new(turned(camera, straight), canvas));
         }
     }
+    sources
+}
 
-    fn sources(&self, canvas: Canvas) -> Vec<Source> {
-        let mut sources = Vec::with_capacity(WIDTH * HEIGHT);
-        for row in 0..HEIGHT {
-            let mut last = None;
-            for column in 0..WIDTH {
-                let straight = self.straightened(column, row, last);
-                last = Some(straight);
-                sources.push(Source::new(self.turned(straight), canvas));
-            }
-        }
-        sources
-    }
-
-    /// Returns where a lens without distortion would show a pixel, starting to search `near`.
-    fn straightened(&self, column: usize, row: usize, near: Option<Slopes>) -> Slopes {
-        let LensNumbers { focal, centre, .. } = self.numbers;
-        let wanted = Slopes {
-            right: (column as f64 - centre[0]) / focal[0],
-            down: (row as f64 - centre[1]) / focal[1],
-        };
-        let mut found = near.unwrap_or(wanted);
-        for _ in 0..MAX_STEPS {
-            let seen = self.bent(found);
-            let right = wanted.right - seen.right;
-            let down = wanted.down - seen.down;
-            found.right += right;
-            found.down += down;
-            if right.abs().max(down.abs()) < CLOSE {
-                break;
-            }
-        }
-        found
-    }
-
-    /// Applies the distortion.
-    fn bent(&self, Slopes { right: x, down: y }: Slopes) -> Slopes {
-        let [k1, k2, p1, p2] = self.numbers.distortion;
-        let r2 = x * x + y * y;
-        let along = k1 * r2 + k2 * r2 * r2;
-        Slopes {
-            right: x + x * along + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-            down: y + y * along + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+/// Returns where a lens without distortion would show a pixel, starting to search `near`.
+fn straightened(camera: &Camera, column: usize, row: usize, near: Option<Slopes>) -> Slopes {
+    let wanted = Slopes {
+        right: (column as f64 - camera.centre[0]) / camera.focal[0],
+        down: (row as f64 - camera.centre[1]) / camera.focal[1],
+    };
+    let mut found = near.unwrap_or(wanted);
+    for _ in 0..MAX_STEPS {
+        let seen = bent(camera, found);
+        let right = wanted.right - seen.right;
+        let down = wanted.down - seen.down;
+        found.right += right;
+        found.down += down;
+        if right.abs().max(down.abs()) < CLOSE {
+            break;
         }
     }
+    found
+}
 
-    /// Turns a ray from the camera's axes to level ones.
-    fn turned(&self, ray: Slopes) -> Slopes {
-        let (sin, cos) = self.roll.sin_cos();
-        let right = ray.right * cos + ray.down * sin;
-        let down = ray.down * cos - ray.right * sin;
-        let (sin, cos) = self.pitch.sin_cos();
-        let ahead = (cos + down * sin).max(1e-3);
-        Slopes {
-            right: right / ahead,
-            down: (down * cos - sin) / ahead,
-        }
+/// Applies the distortion.
+fn bent(camera: &Camera, Slopes { right: x, down: y }: Slopes) -> Slopes {
+    let [k1, k2, p1, p2] = camera.distortion;
+    let r2 = x * x + y * y;
+    let along = k1 * r2 + k2 * r2 * r2;
+    Slopes {
+        right: x + x * along + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        down: y + y * along + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+    }
+}
+
+/// Turns a ray from the camera's axes to level ones.
+fn turned(camera: &Camera, ray: Slopes) -> Slopes {
+    let (sin, cos) = camera.roll.to_radians().sin_cos();
+    let right = ray.right * cos + ray.down * sin;
+    let down = ray.down * cos - ray.right * sin;
+    let (sin, cos) = camera.pitch.to_radians().sin_cos();
+    let ahead = (cos + down * sin).max(1e-3);
+    Slopes {
+        right: right / ahead,
+        down: (down * cos - sin) / ahead,
     }
 }
 
@@ -228,12 +200,12 @@ mod tests {
             height,
             horizon,
             ..
-        } = lens.canvas();
+        } = lens.canvas;
         let mut rendered = vec![[0; 4]; width * height];
         let row = horizon.checked_add_signed(below).unwrap();
         rendered[row * width..][..width].fill([255, 0, 0, 0]);
         lens.take(&rendered);
-        lens.frame().to_vec()
+        lens.frame
     }
 
     /// The mean row of what is red in a column.
@@ -305,14 +277,14 @@ mod tests {
                     ..CameraSettings::default()
                 };
                 let mut lens = Lens::new(&settings);
-                let Canvas { width, height, .. } = lens.canvas();
+                let Canvas { width, height, .. } = lens.canvas;
                 let mut rendered = vec![[9; 4]; width * height];
                 let edge = [9, 9, 9, 200];
                 rendered[..width].fill(edge);
                 rendered[(height - 1) * width..].fill(edge);
                 lens.take(&rendered);
                 assert!(
-                    lens.frame().iter().all(|pixel| *pixel == [9; 4]),
+                    lens.frame.iter().all(|pixel| *pixel == [9; 4]),
                     "{pitch} {roll}"
                 );
             }

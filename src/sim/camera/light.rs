@@ -25,17 +25,56 @@ pub(super) fn light(light: Light) -> Pixel {
     [r, g, b, 0]
 }
 
+/// Values at the corners of square cells, interpolated in between.
+#[derive(Debug)]
+pub(super) struct Grid<const N: usize> {
+    columns: usize,
+    rows: usize,
+    values: Vec<[f32; N]>,
+}
+
+impl<const N: usize> Grid<N> {
+    /// Creates a grid of the values at each column and row.
+    pub(super) fn new(
+        columns: usize,
+        rows: usize,
+        value: impl Fn(usize, usize) -> [f32; N],
+    ) -> Grid<N> {
+        let corners = (0..columns * rows).map(|index| value(index % columns, index / columns));
+        Grid {
+            columns,
+            rows,
+            values: corners.collect(),
+        }
+    }
+
+    /// Returns the values at a place, given as column and row.
+    pub(super) fn at(&self, x: f32, y: f32) -> [f32; N] {
+        let x = x.clamp(0.0, (self.columns - 2) as f32);
+        let y = y.clamp(0.0, (self.rows - 2) as f32);
+        let column = x as usize;
+        let row = y as usize;
+        let dx = x - column as f32;
+        let dy = y - row as f32;
+        let near = row * self.columns + column;
+        let far = near + self.columns;
+        std::array::from_fn(|i| {
+            let front = self.values[near][i] * (1.0 - dx) + self.values[near + 1][i] * dx;
+            let back = self.values[far][i] * (1.0 - dx) + self.values[far + 1][i] * dx;
+            front * (1.0 - dy) + back * dy
+        })
+    }
+}
+
 #[derive(Debug)]
 pub(crate) struct Lighting {
     day: f32,
     lamps: Vec<Lamp>,
-    /// Light from each lamp at each point of the light map.
-    shares: Vec<Vec<f32>>,
+    /// The share of each lamp's light at each point of the light map.
+    shares: Vec<Grid<1>>,
     lit: Vec<bool>,
-    columns: usize,
-    rows: usize,
     cell: f32,
-    map: Vec<Light>,
+    map: Grid<3>,
     /// Factor applied to the world's own light.
     gain: f32,
 }
@@ -49,24 +88,18 @@ impl Lighting {
         let rows = points(room.depth);
         let obstacles = world.fixed_obstacles();
         let share = |lamp: &Lamp| {
-            let place = |index: usize| {
-                let row = index / columns;
-                let column = index % columns;
-                Point::new(column as f64 * cell, row as f64 * cell)
-            };
-            (0..columns * rows)
-                .map(|index| share_of(lamp, place(index), &obstacles))
-                .collect()
+            Grid::new(columns, rows, |column, row| {
+                let place = Point::new(column as f64 * cell, row as f64 * cell);
+                [share_of(lamp, place, &obstacles)]
+            })
         };
         let mut lighting = Lighting {
             day: world.light as f32,
             shares: world.lamps.iter().map(share).collect(),
             lit: vec![false; world.lamps.len()],
             lamps: world.lamps.clone(),
-            columns,
-            rows,
             cell: cell as f32,
-            map: Vec::new(),
+            map: Grid::new(columns, rows, |_, _| [0.0; 3]),
             gain: 1.0,
         };
         lighting.draw();
@@ -93,43 +126,28 @@ impl Lighting {
     }
 
     fn draw(&mut self) {
-        let lit = self.lamps.iter().zip(&self.shares).zip(&self.lit);
-        let lit: Vec<(Light, &Vec<f32>)> = lit
+        let lamps = self.lamps.iter().zip(&self.shares).zip(&self.lit);
+        let lit: Vec<(Light, &Grid<1>)> = lamps
             .filter(|(_, lit)| **lit)
             .map(|((lamp, shares), _)| {
                 let bright = lamp.brightness as f32 / 255.0;
-                (
-                    lamp.colour.0.map(|channel| f32::from(channel) * bright),
-                    shares,
-                )
+                let light = lamp.colour.0.map(|channel| f32::from(channel) * bright);
+                (light, shares)
             })
             .collect();
-        let light = |index: usize| {
-            let light = lit.iter().fold([self.day; 3], |sum, (colour, shares)| {
-                std::array::from_fn(|i| sum[i] + colour[i] * shares[index])
+        for (index, light) in self.map.values.iter_mut().enumerate() {
+            let sum = lit.iter().fold([self.day; 3], |sum, (colour, shares)| {
+                std::array::from_fn(|i| sum[i] + colour[i] * shares.values[index][0])
             });
-            light.map(|channel| channel * self.gain)
-        };
-        self.map = (0..self.columns * self.rows).map(light).collect();
+            *light = sum.map(|channel| channel * self.gain);
+        }
     }
 
     pub(crate) fn at(&self, x: f32, y: f32) -> Light {
         if self.lamps.is_empty() {
             return [self.day * self.gain; 3];
         }
-        let x = (x / self.cell).clamp(0.0, (self.columns - 2) as f32);
-        let y = (y / self.cell).clamp(0.0, (self.rows - 2) as f32);
-        let column = x as usize;
-        let row = y as usize;
-        let dx = x - column as f32;
-        let dy = y - row as f32;
-        let near = row * self.columns + column;
-        let far = near + self.columns;
-        std::array::from_fn(|i| {
-            let front = self.map[near][i] * (1.0 - dx) + self.map[near + 1][i] * dx;
-            let back = self.map[far][i] * (1.0 - dx) + self.map[far + 1][i] * dx;
-            front * (1.0 - dy) + back * dy
-        })
+        self.map.at(x / self.cell, y / self.cell)
     }
 
     pub(crate) fn is_uniform(&self) -> bool {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::floor::Floor;
 use super::light::{Light, Lighting, light};
-use super::scene::{Hit, Round, RoundKind, Scene, Thing};
+use super::scene::{Hit, RoundKind, Scene, Thing};
 use super::surface::{Rgb, Surface, scaled};
 use super::texture::{Pixel, lit, motion_blur};
 use super::view::{Canvas, Column, HEIGHT, View, lamps};
@@ -23,7 +23,7 @@ pub(super) struct Renderer {
     canvas: Canvas,
     lamp: Lamp,
     exposure: f32,
-    frame: Vec<Pixel>,
+    pub(super) frame: Vec<Pixel>,
     ceiling: Vec<Pixel>,
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
@@ -59,10 +59,6 @@ impl Renderer {
             overlays: vec![Vec::new(); canvas.width],
             floor_tops: vec![canvas.height; canvas.width],
         }
-    }
-
-    pub(super) fn frame(&self) -> &[Pixel] {
-        &self.frame
     }
 
     /// Renders the view from a pose; `turned` is the angle, in radians, by which the robot turns
@@ -121,13 +117,8 @@ impl Renderer {
     /// hides it.
     fn paint_column(&mut self, view: &View, column: Column) {
         let standing = std::mem::take(&mut self.standing[column.index]);
-        let Canvas {
-            width,
-            height,
-            horizon,
-            ..
-        } = self.canvas;
-        let mut limit = height;
+        let horizon = self.canvas.horizon;
+        let mut limit = self.canvas.height;
         let mut floor_top = horizon;
         for (number, hit) in standing.iter().enumerate() {
             let top = view.row(self.top_of(hit.thing), hit.depth);
@@ -146,7 +137,7 @@ impl Renderer {
         self.floor_tops[column.index] = floor_top.max(horizon);
         let ceiling_rows = if standing.is_empty() { horizon } else { limit };
         for (row, colour) in self.ceiling[..ceiling_rows].iter().enumerate() {
-            self.frame[row * width + column.index] = *colour;
+            self.frame[row * self.canvas.width + column.index] = *colour;
         }
         self.standing[column.index] = standing;
     }
@@ -242,14 +233,9 @@ impl Renderer {
         rows: Range<usize>,
     ) {
         let room = self.light_on(view, column, depth);
-        let Round {
-            kind,
-            paint,
-            middle,
-            ..
-        } = self.scene.rounds[index];
+        let round = self.scene.rounds[index];
         let (ahead, right) = view.relative(self.lamp.at);
-        let (own_ahead, own_right) = view.relative(middle);
+        let (own_ahead, own_right) = view.relative(round.middle);
         let lamp = (right - own_right).atan2(own_ahead - ahead);
         let off = aside.asin() - lamp;
         let facing = off.cos().max(0.0);
@@ -257,7 +243,7 @@ impl Renderer {
         let shine = 40.0 * (-(off / 0.25) * (off / 0.25)).exp();
         for row in rows {
             let height = view.height(row, depth);
-            let colour = pillar_colour(kind, paint, height, aside, shine);
+            let colour = pillar_colour(round.kind, round.paint, height, aside, shine);
             self.put(column.index, row, colour, light);
         }
     }
@@ -284,13 +270,9 @@ impl Renderer {
     }
 
     fn paint_ball(&mut self, view: &View, column: Column, index: usize, limit: usize) {
-        let Round {
-            radius,
-            paint,
-            middle,
-            ..
-        } = self.scene.rounds[index];
-        let (ahead, right) = view.relative(middle);
+        let round = self.scene.rounds[index];
+        let radius = round.radius;
+        let (ahead, right) = view.relative(round.middle);
         let nearest = ahead - radius;
         if nearest < 0.02 {
             return;
@@ -309,7 +291,12 @@ impl Renderer {
             else {
                 continue;
             };
-            self.put(column.index, row, ball_colour(paint, normal, lamp), room);
+            self.put(
+                column.index,
+                row,
+                ball_colour(round.paint, normal, lamp),
+                room,
+            );
         }
     }
 

@@ -1,12 +1,14 @@
 //! The scene for the camera: upright panels, posts, people and balls, and the columns of the frame
 //! in which they appear.
 
+use qrcode::{Color, QrCode};
+
 use super::surface::{Rgb, Surface, SurfacePoint, rgb};
 use super::texture::Texture;
 use super::view::View;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Segment};
-use crate::sim::world::fixtures::{Code, Sign};
+use crate::sim::geometry::{Point, Rectangle, Segment};
+use crate::sim::world::fixtures::{Sign, qr_code};
 use crate::sim::world::objects::Paint;
 use crate::sim::world::{World, station};
 
@@ -40,7 +42,7 @@ pub(crate) enum RoundKind {
     Person { top: f32 },
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Round {
     pub(crate) middle: Point,
     pub(crate) radius: f32,
@@ -48,12 +50,11 @@ pub(crate) struct Round {
     pub(crate) paint: Rgb,
 }
 
-#[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) panels: Vec<Panel>,
     /// Balls and people, in the order of the world's lists, then posts.
     pub(crate) rounds: Vec<Round>,
-    codes: Vec<(Code, Sign)>,
+    codes: Vec<(QrCode, Sign)>,
 }
 
 /// An intersection of a column's ray with a thing, `depth` metres ahead.
@@ -81,10 +82,12 @@ impl Scene {
         };
         scene.add_walls(world);
         for item in &world.furniture {
-            scene.add_box(item.sides(), item.height, item.colour.into());
+            scene.add_box(item.footprint(), item.height, item.colour.into());
         }
-        scene.add_box(world.station.sides(), station::HEIGHT, Surface::StationSide);
-        scene.mark_station(&world.station);
+        let front = scene.panels.len();
+        let body = world.station.footprint();
+        scene.add_box(body, station::HEIGHT, Surface::StationSide);
+        scene.panels[front].surface = Surface::StationFront;
         scene.add_signs(world);
         let balls = world.balls.iter();
         let balls = balls.map(|b| Round::new(b.at.point(), b.radius, RoundKind::Ball, b.colour));
@@ -122,20 +125,18 @@ impl Scene {
             }
             let size = PIXEL.max((length * height / MAX_TEXELS).sqrt());
             Texture::paint([length, height], size, |along| {
-                let strip = surface.strip(SurfacePoint {
+                surface.strip(SurfacePoint {
                     along,
                     length,
                     top: height,
-                });
-                move |up| strip.colour(up)
+                })
             })
         })
     }
 
     fn add_walls(&mut self, world: &World) {
         let paint = rgb(world.room.walls);
-        let inner = world.walls.iter().flat_map(|wall| wall.sides());
-        for (number, line) in (0..).zip(world.room.sides().into_iter().chain(inner)) {
+        for (number, line) in (0..).zip(world.wall_sides()) {
             let surface = Surface::Wall {
                 paint,
                 number,
@@ -146,22 +147,16 @@ impl Scene {
         }
     }
 
-    fn add_box(&mut self, sides: [Segment; 4], height: f64, surface: Surface) {
+    fn add_box(&mut self, footprint: Rectangle, height: f64, surface: Surface) {
+        let sides = footprint.sides().into_iter();
         self.panels
             .extend(sides.map(|side| Panel::new(side, 0.0, height, surface)));
-    }
-
-    fn mark_station(&mut self, station: &station::Station) {
-        let front = station.sides()[0];
-        if let Some(panel) = self.panels.iter_mut().rfind(|panel| panel.line == front) {
-            panel.surface = Surface::StationFront;
-        }
     }
 
     fn add_signs(&mut self, world: &World) {
         let obstacles = world.fixed_obstacles();
         for sign in &world.signs {
-            let Some(code) = Code::new(&sign.text) else {
+            let Some(code) = qr_code(&sign.text) else {
                 continue;
             };
             let heading = sign.heading_degrees.to_radians();
@@ -321,18 +316,19 @@ const MARGIN: usize = 4;
 const FINE: f32 = 4.0;
 
 /// Paints the board with the code; the first axis runs from left to right, the second upwards.
-fn sign_texture(code: &Code, sign: &Sign) -> Texture {
+fn sign_texture(code: &QrCode, sign: &Sign) -> Texture {
     let side = sign.side as f32;
-    let dot = side / (code.width() + 2 * MARGIN) as f32;
-    let index = move |place: f32| ((place / dot) as usize).checked_sub(MARGIN);
+    let width = code.width();
+    let dot = side / (width + 2 * MARGIN) as f32;
+    let index = move |place: f32| {
+        let module = ((place / dot) as usize).checked_sub(MARGIN)?;
+        if module < width { Some(module) } else { None }
+    };
     Texture::paint([side; 2], dot / FINE, |along| {
         move |up| {
-            let column = index(along);
-            let row = index(side - up);
-            let dark = column
-                .zip(row)
-                .is_some_and(|(column, row)| code.dark(column, row));
-            [if dark { 22.0 } else { 240.0 }; 3]
+            let module = index(along).zip(index(side - up));
+            let is_dark = module.is_some_and(|module| code[module] == Color::Dark);
+            [if is_dark { 22.0 } else { 240.0 }; 3]
         }
     })
 }

@@ -38,26 +38,6 @@ pub(crate) struct SurfacePoint {
     pub(crate) top: f32,
 }
 
-/// An upright strip of a surface, with everything precomputed that does not depend on the height.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Strip {
-    Wall {
-        paper: Rgb,
-        thing: Option<(Thing, f32)>,
-        decor: Decor,
-    },
-    Furniture {
-        paint: Rgb,
-        top: f32,
-        grain: i32,
-    },
-    Station {
-        aside: f32,
-        top: f32,
-    },
-    Plain(Rgb),
-}
-
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Thing {
     /// A picture; the number, 0..1, varies its look.
@@ -69,6 +49,10 @@ pub(crate) enum Thing {
     Switch,
 }
 
+/// The colours of an upright strip by the height above the floor, with everything precomputed that
+/// does not depend on the height.
+pub(crate) type Strip = Box<dyn Fn(f32) -> Rgb>;
+
 impl Surface {
     pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
@@ -76,39 +60,23 @@ impl Surface {
                 paint,
                 number,
                 decor,
-            } => Strip::Wall {
-                paper: wallpaper(paint, number, place, decor),
-                thing: wall_decoration(number, place, decor),
-                decor,
-            },
+            } => {
+                let paper = wallpaper(paint, number, place, decor);
+                let thing = wall_decoration(number, place, decor);
+                match decor {
+                    Decor::Home => Box::new(move |height| wall(paper, thing, height)),
+                    Decor::Laboratory => {
+                        Box::new(move |height| laboratory_wall(paper, thing, height))
+                    }
+                }
+            }
             Surface::Furniture { paint } => furniture(paint, place),
-            Surface::StationFront => Strip::Station {
-                aside: (place.along - place.length / 2.0).abs(),
-                top: place.top,
-            },
+            Surface::StationFront => {
+                let aside = (place.along - place.length / 2.0).abs();
+                Box::new(move |height| station(aside, place.top, height))
+            }
             // `scene` paints the code of a sign; this is its back.
-            Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
-        }
-    }
-}
-
-impl Strip {
-    /// Returns the colour at a height above the floor.
-    pub(crate) fn colour(&self, height: f32) -> Rgb {
-        match *self {
-            Strip::Wall {
-                paper,
-                thing,
-                decor: Decor::Home,
-            } => wall(paper, thing, height),
-            Strip::Wall {
-                paper,
-                thing,
-                decor: Decor::Laboratory,
-            } => laboratory_wall(paper, thing, height),
-            Strip::Furniture { paint, top, grain } => cabinet(paint, top, grain, height),
-            Strip::Station { aside, top } => station(aside, top, height),
-            Strip::Plain(paint) => paint,
+            Surface::StationSide | Surface::Sign(_) => Box::new(|_| [46.0, 48.0, 54.0]),
         }
     }
 }
@@ -280,11 +248,8 @@ fn furniture(paint: Rgb, place: SurfacePoint) -> Strip {
     let joint = place.along - (place.along / door) as i32 as f32 * door;
     let dark = to_side < 0.02 || joint < 0.008;
     let paint = if dark { scaled(paint, 0.62) } else { paint };
-    Strip::Furniture {
-        paint,
-        top: place.top,
-        grain: (place.along * 90.0) as i32,
-    }
+    let grain = (place.along * 90.0) as i32;
+    Box::new(move |height| cabinet(paint, place.top, grain, height))
 }
 
 fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
@@ -340,13 +305,13 @@ mod tests {
         for i in 0..60 {
             let along = 0.5 + 0.18 * i as f32;
             let strip = wall(3, along);
-            let [foot, above] = [0.05, 0.5].map(|height| strip.colour(height));
+            let [foot, above] = [0.05, 0.5].map(&strip);
             if foot == above {
                 doors += 1;
                 continue;
             }
-            assert_eq!(foot, plain.colour(0.05), "{along}");
-            assert_eq!(above, plain.colour(0.5), "{along}");
+            assert_eq!(foot, plain(0.05), "{along}");
+            assert_eq!(above, plain(0.5), "{along}");
             assert!(foot[0] < 0.75 * above[0], "{along}: {foot:?}");
         }
         assert!((10..50).contains(&doors), "{doors}");

@@ -77,13 +77,8 @@ impl View {
     /// Returns the columns between two slopes, with one more on each side to compensate for
     /// rounding.
     pub(crate) fn columns(&self, left: f32, right: f32) -> std::ops::Range<usize> {
-        let Canvas {
-            width,
-            left: middle,
-            focal,
-            ..
-        } = self.canvas;
-        let column = |slope: f32| slope * focal + middle as f32;
+        let width = self.canvas.width;
+        let column = |slope: f32| slope * self.canvas.focal + self.canvas.left as f32;
         // The conversion turns a negative float into 0.
         let from = (column(left) - 1.0) as usize;
         let to = (column(right) + 2.0) as usize;
@@ -108,14 +103,9 @@ impl View {
 
     /// Returns the row in which a height above the floor appears at a depth, clamped to the canvas.
     pub(crate) fn row(&self, height: f32, depth: f32) -> usize {
-        let Canvas {
-            horizon,
-            eye,
-            focal,
-            ..
-        } = self.canvas;
-        let row = horizon as f32 + (eye - height) * focal / depth;
-        (row + 0.5).clamp(0.0, self.canvas.height as f32) as usize
+        let canvas = &self.canvas;
+        let row = canvas.horizon as f32 + (canvas.eye - height) * canvas.focal / depth;
+        (row + 0.5).clamp(0.0, canvas.height as f32) as usize
     }
 
     /// Returns the height above the floor that a row shows at a depth.

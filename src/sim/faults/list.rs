@@ -91,43 +91,24 @@ pub(super) struct Entry {
     towards: Option<Direction>,
     reason: Option<Reason>,
     state: Option<Memory>,
-    #[serde(default, deserialize_with = "some_span")]
+    #[serde(default, deserialize_with = "number::span")]
     seconds: Option<f64>,
-    #[serde(default, deserialize_with = "some_span")]
+    #[serde(default, deserialize_with = "number::span")]
     jitter: Option<f64>,
-    #[serde(default, deserialize_with = "some_bytes")]
+    #[serde(default, deserialize_with = "number::bytes")]
     bytes: Option<f64>,
-    #[serde(default, deserialize_with = "some_percent")]
+    #[serde(default, deserialize_with = "number::percent")]
     percent: Option<f64>,
-    #[serde(default, deserialize_with = "some_commands_per_second")]
+    #[serde(default, deserialize_with = "number::commands_per_second")]
     commands_per_second: Option<f64>,
     #[serde(default, deserialize_with = "number::span")]
     after: f64,
-    #[serde(default, rename = "for", deserialize_with = "some_span")]
+    #[serde(default, rename = "for", deserialize_with = "number::span")]
     lasts: Option<f64>,
-    #[serde(default, deserialize_with = "some_span")]
+    #[serde(default, deserialize_with = "number::span")]
     every: Option<f64>,
-    #[serde(default = "always", deserialize_with = "number::chance")]
+    #[serde(default = "number::one", deserialize_with = "number::chance")]
     chance: f64,
-}
-
-fn always() -> f64 {
-    1.0
-}
-
-macro_rules! optional {
-    ($($name:ident = $reader:ident;)+) => {$(
-        fn $name<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-            number::$reader(from).map(Some)
-        }
-    )+};
-}
-
-optional! {
-    some_span = span;
-    some_bytes = bytes;
-    some_percent = percent;
-    some_commands_per_second = commands_per_second;
 }
 
 impl Name {

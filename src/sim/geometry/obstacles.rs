@@ -58,49 +58,23 @@ pub(crate) enum Obstacle {
     Walker(usize),
 }
 
-/// The shapes of obstacles, each list in the order of the world's own.
+/// What robots can run into; each list is in the order of the world's own.
 #[derive(Debug, Clone)]
-pub(crate) struct Shapes {
-    pub(crate) walls: Vec<Segment>,
-    /// The four sides of each piece of furniture.
-    pub(crate) furniture: Vec<[Segment; 4]>,
+pub struct Obstacles {
+    /// Walls and the four sides of each piece of furniture, which are high enough to hide the
+    /// station. Walls come first.
+    pub(crate) high: Vec<Segment>,
+    /// The number of sides of walls.
+    pub(crate) walls: usize,
     pub(crate) station: [Segment; 4],
-    pub(crate) posts: Vec<Circle>,
-    pub(crate) balls: Vec<Circle>,
-    pub(crate) people: Vec<Circle>,
-}
-
-#[derive(Debug, Clone)]
-pub(crate) struct Obstacles {
-    /// Walls and furniture, which are high enough to hide the station. Walls come first.
-    high: Vec<Segment>,
-    walls: usize,
-    station: [Segment; 4],
     /// Posts, which hide the station.
-    posts: Vec<Circle>,
+    pub(crate) posts: Vec<Circle>,
     /// Balls, which do not hide the station, followed by people.
-    round: Vec<Circle>,
-    balls: usize,
+    pub(crate) round: Vec<Circle>,
+    pub(crate) balls: usize,
 }
 
 impl Obstacles {
-    pub(crate) fn new(shapes: Shapes) -> Obstacles {
-        let mut high = shapes.walls;
-        let walls = high.len();
-        high.extend(shapes.furniture.into_iter().flatten());
-        let balls = shapes.balls.len();
-        let mut round = shapes.balls;
-        round.extend(shapes.people);
-        Obstacles {
-            high,
-            walls,
-            station: shapes.station,
-            posts: shapes.posts,
-            round,
-            balls,
-        }
-    }
-
     pub(crate) fn without_movers(mut self) -> Obstacles {
         self.round.clear();
         self.balls = 0;
@@ -113,7 +87,7 @@ impl Obstacles {
     }
 
     /// Returns the distance to the nearest obstacle, metres; negative inside a round one.
-    pub(crate) fn clearance(&self, point: Point) -> f64 {
+    pub fn clearance(&self, point: Point) -> f64 {
         let lines = self.lines().map(|line| line.distance(point));
         let circles = self
             .circles()
@@ -186,7 +160,7 @@ impl Obstacles {
 
     /// Whether a body of `radius` can move from `a` to `b` in a straight line. A body that is
     /// already too near to an obstacle may move away from it.
-    pub(crate) fn is_path_free(&self, a: Point, b: Point, radius: f64) -> bool {
+    pub fn is_path_free(&self, a: Point, b: Point, radius: f64) -> bool {
         // Tolerance for rounding errors in the distance at the start.
         const ROUNDING: f64 = 1e-9;
         let way = Segment { from: a, to: b };

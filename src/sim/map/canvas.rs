@@ -16,51 +16,32 @@ pub(crate) type Ink = [u8; 4];
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TextStyle {
     ink: Ink,
-    /// 20 pixels high, instead of 16.
-    large: bool,
-    bold: bool,
+    height: RasterHeight,
+    weight: FontWeight,
 }
 
 impl TextStyle {
     pub(crate) const fn small(ink: Ink) -> TextStyle {
         TextStyle {
             ink,
-            large: false,
-            bold: false,
+            height: RasterHeight::Size16,
+            weight: FontWeight::Regular,
         }
     }
 
     pub(crate) const fn title(ink: Ink) -> TextStyle {
         TextStyle {
             ink,
-            large: true,
-            bold: true,
-        }
-    }
-
-    fn height(self) -> RasterHeight {
-        if self.large {
-            RasterHeight::Size20
-        } else {
-            RasterHeight::Size16
-        }
-    }
-
-    fn weight(self) -> FontWeight {
-        if self.bold {
-            FontWeight::Bold
-        } else {
-            FontWeight::Regular
+            height: RasterHeight::Size20,
+            weight: FontWeight::Bold,
         }
     }
 
     /// Width and height of a text in this style, pixels.
     pub(crate) fn size(self, text: &str) -> (f32, f32) {
-        let letter = get_raster_width(self.weight(), self.height());
-        (
-            (letter * text.chars().count()) as f32,
-            self.height().val() as f32,
-        )
+        let letter = get_raster_width(self.weight, self.height);
+        let width = letter * text.chars().count();
+        (width as f32, self.height.val() as f32)
     }
 }
 
@@ -156,7 +137,7 @@ impl MapCanvas {
         self.taken.push([x, y, x + width, y + height]);
         let mut left = x.round() as i32;
         for letter in text.chars() {
-            let raster = |letter| get_raster(letter, style.weight(), style.height());
+            let raster = |letter| get_raster(letter, style.weight, style.height);
             let Some(raster) = raster(letter).or_else(|| raster('?')) else {
                 continue;
             };

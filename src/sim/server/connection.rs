@@ -193,14 +193,15 @@ const MAX_AUDIO: usize = 8;
 
 /// Progress of the messages that must be sent before a client may drive (`PROTOCOL.md`, *Order
 /// after login*).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Handshake {
+    #[default]
     Waiting,
     Accepted,
     Done,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Queue {
     messages: VecDeque<(Handshake, Bytes)>,
     length: usize,
@@ -211,7 +212,7 @@ struct Queue {
     closing: bool,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct ReportQueue {
     queue: Mutex<Queue>,
     changed: Notify,
@@ -222,22 +223,6 @@ pub(crate) struct ReportQueue {
 pub(crate) struct Overflow;
 
 impl ReportQueue {
-    pub(crate) fn new() -> ReportQueue {
-        let queue = Queue {
-            messages: VecDeque::new(),
-            length: 0,
-            audio: VecDeque::new(),
-            frame: None,
-            dropped: 0,
-            handshake: Handshake::Waiting,
-            closing: false,
-        };
-        ReportQueue {
-            queue: Mutex::new(queue),
-            changed: Notify::new(),
-        }
-    }
-
     /// Queues a report. A frame replaces a queued frame.
     pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
         let mut queue = self.lock();
@@ -345,7 +330,7 @@ mod tests {
 
     #[tokio::test]
     async fn only_the_newest_frame_is_queued_and_messages_go_first() {
-        let reports = ReportQueue::new();
+        let reports = ReportQueue::default();
         for report in [frame(1), frame(2), power(), frame(3)] {
             reports.push(&report).unwrap();
         }
@@ -356,7 +341,7 @@ mod tests {
 
     #[tokio::test]
     async fn queued_reports_are_written_before_the_end() {
-        let reports = ReportQueue::new();
+        let reports = ReportQueue::default();
         reports.push(&power()).unwrap();
         reports.close();
         assert_eq!(reports.next().await.unwrap(), power().to_bytes());
@@ -373,7 +358,7 @@ mod tests {
             docked: false,
             tail: Bytes::new(),
         };
-        let reports = ReportQueue::new();
+        let reports = ReportQueue::default();
         reports.push(&power()).unwrap();
         reports.push(&Report::Accepted(accepted)).unwrap();
         reports.next().await.unwrap();
@@ -387,7 +372,7 @@ mod tests {
 
     #[test]
     fn only_messages_overflow_the_queue_of_a_client_that_never_reads() {
-        let reports = ReportQueue::new();
+        let reports = ReportQueue::default();
         for _ in 0..10_000 {
             reports.push(&frame(0)).unwrap();
             reports

@@ -7,11 +7,9 @@ use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
-use super::command_queue::QueuedCommand;
 use super::connection::Transport;
-use crate::sim::body::Robot;
-use crate::sim::body::state::State;
 use crate::sim::body::trace::{Trace, TraceEventKind};
+use crate::sim::body::{Robot, State};
 use crate::sim::faults::Fault;
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::World;
@@ -259,22 +257,12 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    pub(crate) fn add(&mut self, at: Duration, queued: QueuedCommand) {
-        let QueuedCommand {
-            received,
-            write,
-            client,
-            command,
-            _place,
-        } = queued;
-        self.bytes += weight(&command);
+    pub(crate) fn add(&mut self, at: Duration, heard: ReceivedCommand) {
+        self.bytes += weight(&heard.command);
         self.entries.push_back(ReceivedCommand {
             index: self.next,
             at,
-            received,
-            write,
-            client,
-            command,
+            ..heard
         });
         self.next += 1;
         while self.entries.len() > MAX_ENTRIES || self.bytes > MAX_BYTES {
@@ -314,13 +302,14 @@ mod tests {
     use super::*;
     use bytes::Bytes;
 
-    fn queued(command: Command) -> QueuedCommand {
-        QueuedCommand {
+    fn heard(command: Command) -> ReceivedCommand {
+        ReceivedCommand {
+            index: 0,
+            at: Duration::ZERO,
             received: Duration::ZERO,
             write: 0,
             client: 0,
             command,
-            _place: None,
         }
     }
 
@@ -328,7 +317,7 @@ mod tests {
     fn the_journal_drops_the_oldest_entries_and_keeps_counting() {
         let mut journal = Journal::default();
         for _ in 0..MAX_ENTRIES + 10 {
-            journal.add(Duration::ZERO, queued(Command::None));
+            journal.add(Duration::ZERO, heard(Command::None));
         }
         assert_eq!(journal.count(), MAX_ENTRIES + 10);
         assert_eq!(journal.since(0).next().unwrap().index, 10);
@@ -341,7 +330,7 @@ mod tests {
         let mut journal = Journal::default();
         for _ in 0..1000 {
             let payload = Bytes::from(vec![0; 60_000]);
-            journal.add(Duration::ZERO, queued(Command::Audio(payload)));
+            journal.add(Duration::ZERO, heard(Command::Audio(payload)));
         }
         assert!(journal.bytes <= MAX_BYTES && journal.since(0).count() > 10);
     }

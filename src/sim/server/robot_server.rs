@@ -1,27 +1,27 @@
 //! The robot with its clients: decides which client may command it, advances the simulated time and
 //! sends the robot's reports to the user. Independent of sockets.
 
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
 use bytes::Bytes;
-use tokio::sync::mpsc;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
-use super::clients::Clients;
-use super::command_queue::{CommandQueue, QueuedCommand};
-use super::connection::{Channels, Event, Transport};
-use super::handle::{Ends, Request};
+use super::connection::{Channels, Event, ReportQueue, Transport};
+use super::handle::{Ends, ReceivedCommand, Request};
 use super::{Options, connection, handle};
 use crate::sim::body::Robot;
+use crate::sim::body::firmware::Firmware;
 use crate::sim::body::memory::describe;
 use crate::sim::faults::proxy::Breaker;
 use crate::sim::faults::scheduler::{FaultScheduler, Transition};
 use crate::sim::faults::{Fault, FaultKind, proxy};
 use crate::sim::geometry::Pose;
-use crate::sim::world::wifi::Radio;
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 /// The physics time step.
@@ -109,7 +109,7 @@ impl RobotServer {
 
     /// Whether datagrams get to the robot and back.
     pub(crate) fn is_in_range(&self) -> bool {
-        self.robot.radio() != Radio::OutOfRange
+        self.robot.radio_fault() != Some(FaultKind::HalfOpen)
     }
 
     /// Frees the task of an ended connection; pending while there are no connections.
@@ -141,7 +141,9 @@ impl RobotServer {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
-        self.update_radio();
+        if let Some(scheduler) = &mut self.scheduler {
+            scheduler.set_radio(self.robot.radio_fault());
+        }
         for client in self.clients.overdue(now) {
             self.disconnect(client);
         }
@@ -177,14 +179,17 @@ impl RobotServer {
                 mut place,
             } => {
                 for command in commands {
-                    let received = QueuedCommand {
-                        received: self.started.elapsed(),
+                    let now = self.started.elapsed();
+                    let heard = ReceivedCommand {
+                        index: 0,
+                        at: now,
+                        received: now,
                         write,
                         client,
                         command,
-                        _place: place.take(),
                     };
-                    self.receive(received, opened);
+                    let _place = place.take();
+                    self.receive(QueuedCommand { heard, _place }, opened);
                 }
             }
         }
@@ -226,25 +231,6 @@ impl RobotServer {
         scheduler.begin(fault, now);
         let transitions = scheduler.poll(now);
         self.apply_transitions(transitions);
-    }
-
-    /// Lets the network do what the Wi-Fi does where the robot is.
-    fn update_radio(&mut self) {
-        /// The most that repeating lost packets delays what is sent, at the edge of the range.
-        const LATEST: Duration = Duration::from_millis(1000);
-        /// Steps of the delay, so that a robot that drives does not change it all the time.
-        const STEPS: f64 = 20.0;
-        let Some(scheduler) = &mut self.scheduler else {
-            return;
-        };
-        scheduler.set_radio(match self.robot.radio() {
-            Radio::Good => None,
-            Radio::Weak(share) => Some(FaultKind::Delay {
-                by: Duration::ZERO,
-                jitter: LATEST.mul_f64((share * STEPS).ceil() / STEPS),
-            }),
-            Radio::OutOfRange => Some(FaultKind::HalfOpen),
-        });
     }
 
     /// Applies faults that begin or end to the robot; the proxy handles those of the byte stream.
@@ -302,32 +288,31 @@ impl RobotServer {
             .slides_after
             .is_some_and(|after| self.docked_for > after)
         {
-            let Pose { x, y, heading } = self.robot.state().pose;
+            let pose = self.robot.state().pose;
             let away = self.robot.world().station.leaves.directed(-SLIDE);
-            let x = x + away * heading.cos();
-            let y = y + away * heading.sin();
-            self.robot.place(Pose::new(x, y, heading));
+            let place = pose.point().ahead(pose.heading, away);
+            self.robot.place(Pose::at(place, pose.heading));
         }
     }
 
     /// Queues a command of the client that may command the robot; a login takes effect at once.
     fn receive(&mut self, received: QueuedCommand, opened: bool) {
-        let client = received.client;
+        let client = received.heard.client;
         if !self.clients.contains(client) {
             return;
         }
-        match received.command.clone() {
+        match received.heard.command.clone() {
             Command::Login(login) => {
-                self.record(received);
+                self.record(received.heard);
                 self.log_in(client, &login);
                 self.deliver();
             }
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
-                self.record(received);
+                self.record(received.heard);
                 tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
                 self.disconnect(client);
             }
-            _ if !self.clients.is_user(client) => self.record(received),
+            _ if !self.clients.is_user(client) => self.record(received.heard),
             _ => {
                 self.queue.push(received);
                 self.execute_due();
@@ -348,7 +333,7 @@ impl RobotServer {
     /// Executes the commands that are due.
     fn execute_due(&mut self) {
         while let Some(queued) = self.queue.take(Instant::now()) {
-            let command = queued.command.clone();
+            let command = queued.heard.command.clone();
             let asks = matches!(
                 command,
                 Command::PowerQuery
@@ -356,8 +341,8 @@ impl RobotServer {
                     | Command::LogQuery
                     | Command::NetworksQuery
             );
-            let answerable = self.clients.is_user(queued.client);
-            self.record(queued);
+            let answerable = self.clients.is_user(queued.heard.client);
+            self.record(queued.heard);
             if answerable || !asks {
                 self.robot.execute(&command);
             }
@@ -365,9 +350,9 @@ impl RobotServer {
         }
     }
 
-    fn record(&mut self, queued: QueuedCommand) {
-        self.log_command(queued.client, &queued.command);
-        handle::lock(&self.ends.journal).add(self.started.elapsed(), queued);
+    fn record(&mut self, heard: ReceivedCommand) {
+        self.log_command(heard.client, &heard.command);
+        handle::lock(&self.ends.journal).add(self.started.elapsed(), heard);
     }
 
     /// Logs a command, except a repeated MOVE.
@@ -444,5 +429,233 @@ impl RobotServer {
         self.ends
             .heard
             .send_if_modified(|heard| std::mem::replace(heard, count) != count);
+    }
+}
+
+/// Places in a queue whose length the firmware's settings leave open.
+const UNLIMITED: usize = 4096;
+
+/// A command whose index and time of execution are not known yet.
+#[derive(Debug)]
+struct QueuedCommand {
+    heard: ReceivedCommand,
+    /// The command's place in the queue, free again when this is dropped.
+    _place: Option<OwnedSemaphorePermit>,
+}
+
+/// The commands that the robot has received and not yet executed. Its program takes one at a time,
+/// at the firmware's pace, in the order in which they came; an idle program takes one at once.
+struct CommandQueue {
+    /// Time per command of the firmware; `None` if it executes everything at once.
+    usual_period: Option<Duration>,
+    /// Time per command now.
+    period: Option<Duration>,
+    waiting: VecDeque<QueuedCommand>,
+    places: Arc<Semaphore>,
+    places_now: watch::Sender<Option<Arc<Semaphore>>>,
+    /// When the program is ready for the next command.
+    ready: Instant,
+}
+
+impl CommandQueue {
+    fn new(firmware: &Firmware, now: Instant) -> CommandQueue {
+        let period = (firmware.commands_per_second).map(|rate| Duration::from_secs_f64(1.0 / rate));
+        let places = Arc::new(Semaphore::new(firmware.queue.unwrap_or(UNLIMITED)));
+        CommandQueue {
+            usual_period: period,
+            period,
+            waiting: VecDeque::new(),
+            places_now: watch::Sender::new(period.map(|_| places.clone())),
+            places,
+            ready: now,
+        }
+    }
+
+    /// The free places, of which a connection takes one for each command before it reads on;
+    /// `None` while every command is executed at once.
+    fn places(&self) -> watch::Receiver<Option<Arc<Semaphore>>> {
+        self.places_now.subscribe()
+    }
+
+    /// From now on the program takes at least this long for each command.
+    fn slow_down(&mut self, period: Duration) {
+        self.period = self.usual_period.max(Some(period));
+        self.places_now.send_replace(Some(self.places.clone()));
+    }
+
+    /// The program is as fast as usual again.
+    fn recover(&mut self, now: Instant) {
+        self.period = self.usual_period;
+        self.ready = self.ready.min(now + self.period.unwrap_or_default());
+        let places = self.period.map(|_| self.places.clone());
+        self.places_now.send_replace(places);
+    }
+
+    fn push(&mut self, command: QueuedCommand) {
+        self.waiting.push_back(command);
+    }
+
+    /// Takes the next command, if the robot's program is ready for it.
+    fn take(&mut self, now: Instant) -> Option<QueuedCommand> {
+        if now < self.ready {
+            return None;
+        }
+        let command = self.waiting.pop_front()?;
+        if let Some(period) = self.period {
+            self.ready = now + period;
+        }
+        Some(command)
+    }
+
+    /// When the next command is due; `None` if none waits.
+    fn due(&self) -> Option<Instant> {
+        self.waiting.front().map(|_| self.ready)
+    }
+
+    fn len(&self) -> usize {
+        self.waiting.len()
+    }
+
+    fn clear(&mut self) {
+        self.waiting.clear();
+    }
+}
+
+/// Maximum number of simultaneous connections, including those that have not logged in.
+const MAX_CLIENTS: usize = 8;
+/// A connection without a login is closed after this time.
+const LOGIN_LIMIT: Duration = Duration::from_secs(30);
+
+struct Client {
+    reports: Arc<ReportQueue>,
+    cut: CancellationToken,
+    since: Instant,
+}
+
+/// The connected clients, and which of them is the one user (`PROTOCOL.md`, *Network*: users at
+/// once).
+#[derive(Default)]
+struct Clients {
+    all: BTreeMap<u64, Client>,
+    user: Option<(u64, String)>,
+    next: u64,
+    dropped: u64,
+}
+
+/// The id of a user without a connection here.
+const EXTERNAL_USER: u64 = u64::MAX;
+
+/// A new client's id, its report queue and the token that disconnects it.
+type Admission = (u64, Arc<ReportQueue>, CancellationToken);
+
+impl Clients {
+    /// Registers a connection. If there are too many, the oldest one without a login ends.
+    fn admit(&mut self, now: Instant) -> Admission {
+        let oldest = self.all.keys().find(|id| !self.is_user(**id)).copied();
+        if self.all.len() >= MAX_CLIENTS
+            && let Some(oldest) = oldest
+        {
+            tracing::warn!(target: "spykee::sim", client = oldest, "too many connections: the oldest without a login ends");
+            self.disconnect(oldest);
+        }
+        let client = Client {
+            reports: Arc::default(),
+            cut: CancellationToken::new(),
+            since: now,
+        };
+        let id = self.next;
+        let admission = (id, client.reports.clone(), client.cut.clone());
+        self.next += 1;
+        self.all.insert(id, client);
+        admission
+    }
+
+    /// Whether `id` is the user, who may command the robot.
+    fn is_user(&self, id: u64) -> bool {
+        self.user.as_ref().is_some_and(|(user, _)| *user == id)
+    }
+
+    fn contains(&self, id: u64) -> bool {
+        self.all.contains_key(&id)
+    }
+
+    fn user(&self) -> Option<&str> {
+        self.user.as_ref().map(|(_, name)| name.as_str())
+    }
+
+    /// Makes `id` the user, if the login is correct and there is no other user.
+    fn log_in(&mut self, id: u64, login: &Login, right: &Login) -> Result<(), Refusal> {
+        if login != right {
+            return Err(Refusal::WrongPassword);
+        }
+        if self.user.as_ref().is_some_and(|(user, _)| *user != id) {
+            return Err(Refusal::InUse);
+        }
+        self.user = Some((id, login.user.clone()));
+        Ok(())
+    }
+
+    /// Makes a user without a connection here the user; returns whether another was disconnected.
+    fn take_over(&mut self, name: &str) -> bool {
+        let disconnected = self.user_id().is_some_and(|id| self.disconnect(id));
+        self.user = Some((EXTERNAL_USER, name.to_owned()));
+        disconnected
+    }
+
+    fn give_back(&mut self) {
+        if self.is_user(EXTERNAL_USER) {
+            self.user = None;
+        }
+    }
+
+    /// Sends the refusal to `id`, and closes the connection when it has been written.
+    fn refuse(&mut self, id: u64, refusal: Refusal) {
+        if let Some(client) = self.all.get(&id) {
+            let _ = client.reports.push(&Report::Refused(refusal));
+            client.reports.close();
+        }
+    }
+
+    /// Sends a report to the user; false if the user does not read and must be disconnected.
+    fn send_report(&self, report: &Report) -> bool {
+        let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
+            return true;
+        };
+        client.reports.push(report).is_ok()
+    }
+
+    fn disconnect(&mut self, id: u64) -> bool {
+        if let Some(client) = self.all.remove(&id) {
+            client.cut.cancel();
+            self.dropped += client.reports.dropped();
+        }
+        let was_user = self.is_user(id);
+        if was_user {
+            self.user = None;
+        }
+        was_user
+    }
+
+    fn ids(&self) -> Vec<u64> {
+        self.all.keys().copied().collect()
+    }
+
+    fn user_id(&self) -> Option<u64> {
+        self.user.as_ref().map(|(id, _)| *id)
+    }
+
+    /// Returns the clients that have exceeded the time limit for logging in.
+    fn overdue(&self, now: Instant) -> Vec<u64> {
+        let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
+        let all = self.all.iter();
+        all.filter(|(id, client)| !self.is_user(**id) && late(client))
+            .map(|(id, _)| *id)
+            .collect()
+    }
+
+    /// Returns the number of frames and audio chunks dropped so far, over all connections.
+    fn dropped(&self) -> u64 {
+        let connected = self.all.values().map(|client| client.reports.dropped());
+        self.dropped + connected.sum::<u64>()
     }
 }

@@ -24,7 +24,7 @@ pub(super) struct Sockets {
     udp: Option<UdpSocket>,
     /// Sockets for broadcast requests, which are answered from `udp`.
     broadcasts: Vec<UdpSocket>,
-    address: SocketAddr,
+    pub(super) address: SocketAddr,
     discovery: bool,
     /// The sockets are closed while the robot reboots.
     hidden: bool,
@@ -41,10 +41,6 @@ impl Sockets {
             discovery: false,
             hidden: false,
         }
-    }
-
-    pub(super) fn address(&self) -> SocketAddr {
-        self.address
     }
 
     /// Opens the TCP socket and, if `discovery`, the UDP socket on the same port.

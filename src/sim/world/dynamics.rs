@@ -2,59 +2,9 @@
 //! their paths.
 
 use super::World;
-use super::objects::Route;
+use super::objects::{Route, Spot};
 use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, RADIUS};
-
-pub(crate) struct Environment {
-    /// The world in its initial state.
-    pub(crate) world: World,
-    pub(crate) obstacles: Obstacles,
-    pub(crate) bumps: Vec<Bump>,
-    dynamics: Dynamics,
-}
-
-impl Environment {
-    pub(crate) fn new(world: World) -> Environment {
-        Environment {
-            obstacles: world.obstacles(),
-            bumps: world.bumps(),
-            dynamics: Dynamics::new(&world),
-            world,
-        }
-    }
-
-    /// Returns the places of balls and people, balls first.
-    pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
-        self.dynamics.places()
-    }
-
-    /// Puts a ball at a place, at rest; `index` is its index in the world's list.
-    pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
-        if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
-            self.dynamics.put_ball(index, place);
-            self.obstacles.move_round(index, place);
-        }
-    }
-
-    /// Advances everything that moves besides the robot, and pushes balls out of the way of a robot
-    /// that drives at this speed, metres per second.
-    pub(crate) fn step(&mut self, seconds: f64, robot: Pose, speed: f64) {
-        let here = Circle::new(robot.point(), RADIUS);
-        self.dynamics.step(seconds, here, &mut self.obstacles);
-        if speed != 0.0 {
-            // Looks a little farther than the robot gets in this step, so that a ball rolls away
-            // before it can block the robot.
-            let next = here.middle.ahead(robot.heading, 1.5 * speed * seconds);
-            let robot = Circle::new(next, RADIUS);
-            self.dynamics.push_balls(robot, speed, &mut self.obstacles);
-        }
-    }
-
-    pub(crate) fn name_at(&self, point: Point) -> String {
-        self.world.name_of(self.obstacles.nearest(point))
-    }
-}
 
 /// Deceleration of a rolling ball, metres per second squared.
 const FRICTION: f64 = 0.35;
@@ -63,52 +13,73 @@ const ROBOT_CLEARANCE: f64 = 0.05;
 /// Minimum gap between touching things, metres.
 const MIN_GAP: f64 = 0.001;
 
-#[derive(Debug, Clone)]
-pub(crate) struct Dynamics {
+pub(crate) struct Environment {
+    /// The world in its initial state.
+    pub(crate) world: World,
+    pub(crate) obstacles: Obstacles,
+    pub(crate) bumps: Vec<Bump>,
     /// Balls first, then people, as in [`Obstacles`].
-    all: Vec<MovingObject>,
+    movers: Vec<MovingObject>,
 }
 
-#[derive(Debug, Clone)]
 struct MovingObject {
     body: Circle,
-    ball: bool,
     trip: Option<Trip>,
     /// Velocity of a pushed ball, metres per second.
     rolling: Point,
 }
 
-impl Dynamics {
-    pub(crate) fn new(world: &World) -> Dynamics {
+impl Environment {
+    pub(crate) fn new(world: World) -> Environment {
         let balls = world.balls.iter();
-        let balls = balls
-            .map(|ball| MovingObject::new(ball.at.point(), ball.radius, true, ball.path.as_ref()));
+        let balls = balls.map(|ball| MovingObject::new(ball.at, ball.radius, ball.path.as_ref()));
         let people = world.walkers.iter();
-        let people = people
-            .map(|who| MovingObject::new(who.at.point(), who.radius, false, who.path.as_ref()));
-        Dynamics {
-            all: balls.chain(people).collect(),
+        let people = people.map(|who| MovingObject::new(who.at, who.radius, who.path.as_ref()));
+        Environment {
+            obstacles: world.obstacles(),
+            bumps: world.bumps(),
+            movers: balls.chain(people).collect(),
+            world,
         }
     }
 
+    /// Returns the places of balls and people, balls first.
     pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
-        self.all.iter().map(|mover| mover.body.middle)
+        self.movers.iter().map(|mover| mover.body.middle)
     }
 
-    /// Puts a ball at a place, at rest; a ball on a path leaves it permanently.
+    /// Puts a ball at a place, at rest; a ball on a path leaves it permanently. `index` is its index
+    /// in the world's list.
     pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
-        let mut balls = self.all.iter_mut().filter(|mover| mover.ball);
-        if let Some(ball) = balls.nth(index) {
+        if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
+            let ball = &mut self.movers[index];
             ball.body.middle = place;
             ball.rolling = Point::default();
             ball.trip = None;
+            self.obstacles.move_round(index, place);
         }
     }
 
-    /// Advances by some seconds; nothing moves into the robot.
-    pub(crate) fn step(&mut self, seconds: f64, robot: Circle, obstacles: &mut Obstacles) {
-        for index in 0..self.all.len() {
-            let mover = &mut self.all[index];
+    /// Advances everything that moves besides the robot, and pushes balls out of the way of a robot
+    /// that drives at this speed, metres per second.
+    pub(crate) fn step(&mut self, seconds: f64, robot: Pose, speed: f64) {
+        let here = Circle::new(robot.point(), RADIUS);
+        self.move_things(seconds, here);
+        if speed != 0.0 {
+            // Looks a little farther than the robot gets in this step, so that a ball rolls away
+            // before it can block the robot.
+            let next = here.middle.ahead(robot.heading, 1.5 * speed * seconds);
+            self.push_balls(Circle::new(next, RADIUS), speed);
+        }
+    }
+
+    pub(crate) fn name_at(&self, point: Point) -> String {
+        self.world.name_of(self.obstacles.nearest(point))
+    }
+
+    /// Moves balls and people for some seconds; nothing moves into the robot.
+    fn move_things(&mut self, seconds: f64, robot: Circle) {
+        for (index, mover) in self.movers.iter_mut().enumerate() {
             let here = mover.body.middle;
             let next = mover.next(seconds);
             if next == here {
@@ -118,43 +89,41 @@ impl Dynamics {
             let nearer = robot.gap(wanted) < robot.gap(mover.body);
             let in_the_way = nearer && robot.gap(wanted) < ROBOT_CLEARANCE;
             // A rolling ball stops at an obstacle; a mover on a path passes through it.
-            let hits = mover.rolling != Point::default() && !obstacles.has_room(wanted, index);
-            if in_the_way || hits {
+            let is_rolling = mover.rolling != Point::default();
+            if in_the_way || (is_rolling && !self.obstacles.has_room(wanted, index)) {
                 mover.rolling = Point::default();
                 continue;
             }
             mover.body = wanted;
-            obstacles.move_round(index, next);
+            self.obstacles.move_round(index, next);
         }
     }
 
     /// Pushes balls out of the way of a robot that moves to `robot` at this speed; balls without
     /// room stay.
-    pub(crate) fn push_balls(&mut self, robot: Circle, speed: f64, obstacles: &mut Obstacles) {
-        for index in 0..self.all.len() {
-            let mover = &mut self.all[index];
-            if !mover.ball || robot.gap(mover.body) >= MIN_GAP {
+    fn push_balls(&mut self, robot: Circle, speed: f64) {
+        let balls = self.world.balls.len();
+        for (index, ball) in self.movers.iter_mut().take(balls).enumerate() {
+            if robot.gap(ball.body) >= MIN_GAP {
                 continue;
             }
-            let away = robot.middle.direction_of(mover.body.middle);
-            let place = robot
-                .middle
-                .ahead(away, robot.radius + mover.body.radius + 2.0 * MIN_GAP);
-            let wanted = Circle::new(place, mover.body.radius);
-            if obstacles.has_room(wanted, index) {
-                mover.body = wanted;
-                mover.rolling = Point::default().ahead(away, speed.abs());
-                obstacles.move_round(index, place);
+            let away = robot.middle.direction_of(ball.body.middle);
+            let distance = robot.radius + ball.body.radius + 2.0 * MIN_GAP;
+            let place = robot.middle.ahead(away, distance);
+            let wanted = Circle::new(place, ball.body.radius);
+            if self.obstacles.has_room(wanted, index) {
+                ball.body = wanted;
+                ball.rolling = Point::default().ahead(away, speed.abs());
+                self.obstacles.move_round(index, place);
             }
         }
     }
 }
 
 impl MovingObject {
-    fn new(place: Point, radius: f64, ball: bool, path: Option<&Route>) -> MovingObject {
+    fn new(place: Spot, radius: f64, path: Option<&Route>) -> MovingObject {
         MovingObject {
-            body: Circle::new(place, radius),
-            ball,
+            body: Circle::new(place.point(), radius),
             trip: path.map(Trip::new),
             rolling: Point::default(),
         }
@@ -179,12 +148,9 @@ impl MovingObject {
     }
 }
 
-#[derive(Debug, Clone)]
-pub(crate) struct Trip {
-    corners: Vec<Point>,
-    speed: f64,
-    pause: f64,
-    closed: bool,
+struct Trip {
+    route: Route,
+    /// The corner to which it goes now.
     next: usize,
     back: bool,
     rested: f64,
@@ -192,12 +158,9 @@ pub(crate) struct Trip {
 
 impl Trip {
     /// Creates a trip that starts towards the first corner.
-    pub(crate) fn new(route: &Route) -> Trip {
+    fn new(route: &Route) -> Trip {
         Trip {
-            corners: route.through.iter().map(|spot| spot.point()).collect(),
-            speed: route.speed,
-            pause: route.pause,
-            closed: route.closed,
+            route: route.clone(),
             next: 0,
             back: false,
             rested: 0.0,
@@ -205,17 +168,18 @@ impl Trip {
     }
 
     /// Returns the place, after so many seconds, of something that is at `here`.
-    pub(crate) fn step(&mut self, here: Point, seconds: f64) -> Point {
-        let Some(&target) = self.corners.get(self.next) else {
+    fn step(&mut self, here: Point, seconds: f64) -> Point {
+        let Some(corner) = self.route.through.get(self.next) else {
             return here;
         };
+        let target = corner.point();
         let left = here.distance(target);
-        let stride = self.speed * seconds;
+        let stride = self.route.speed * seconds;
         if left > stride {
             return here.towards(target, stride / left);
         }
         self.rested += seconds;
-        if self.rested >= self.pause {
+        if self.rested >= self.route.pause {
             self.rested = 0.0;
             self.turn();
         }
@@ -223,11 +187,11 @@ impl Trip {
     }
 
     fn turn(&mut self) {
-        let last = self.corners.len() - 1;
+        let last = self.route.through.len() - 1;
         if last == 0 {
             return;
         }
-        if self.closed {
+        if self.route.closed {
             self.next = (self.next + 1) % (last + 1);
             return;
         }
@@ -254,12 +218,10 @@ mod tests {
     }
 
     fn after(things: &str, robot: (f64, f64), seconds: u32) -> Point {
-        let world = world(things);
-        let mut dynamics = Dynamics::new(&world);
-        let mut obstacles = world.obstacles();
+        let mut environment = Environment::new(world(things));
         let robot = Circle::new(Point::new(robot.0, robot.1), 0.15);
-        (0..seconds * 50).for_each(|_| dynamics.step(0.02, robot, &mut obstacles));
-        dynamics.places().next().unwrap()
+        (0..seconds * 50).for_each(|_| environment.move_things(0.02, robot));
+        environment.places().next().unwrap()
     }
 
     const WALKER: &str = "walkers: [{at: [1, 3], path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
@@ -279,39 +241,33 @@ mod tests {
     fn a_placed_ball_leaves_its_path_and_stays() {
         let ball =
             "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
-        let world = world(ball);
-        let mut dynamics = Dynamics::new(&world);
-        let mut obstacles = world.obstacles();
+        let mut environment = Environment::new(world(ball));
         let robot = Circle::new(Point::new(3.0, 1.0), 0.15);
         let place = Point::new(2.0, 2.0);
-        dynamics.put_ball(0, place);
-        (0..200).for_each(|_| dynamics.step(0.02, robot, &mut obstacles));
-        assert_eq!(dynamics.places().next(), Some(place));
+        environment.put_ball(0, place);
+        (0..200).for_each(|_| environment.move_things(0.02, robot));
+        assert_eq!(environment.places().next(), Some(place));
     }
 
     #[test]
     fn a_pushed_ball_rolls_on_and_comes_to_rest() {
-        let world = world("balls: [{at: [3, 2], colour: red}]");
-        let mut dynamics = Dynamics::new(&world);
-        let mut obstacles = world.obstacles();
+        let mut environment = Environment::new(world("balls: [{at: [3, 2], colour: red}]"));
         let robot = Circle::new(Point::new(2.76, 2.0), 0.15);
-        dynamics.push_balls(robot, 0.4, &mut obstacles);
+        environment.push_balls(robot, 0.4);
         for _ in 0..200 {
-            dynamics.step(0.02, robot, &mut obstacles);
+            environment.move_things(0.02, robot);
         }
-        let place = dynamics.places().next().unwrap();
+        let place = environment.places().next().unwrap();
         assert!((3.15..3.4).contains(&place.x), "{place:?}");
-        assert!((obstacles.clearance(Point::new(place.x, 2.5)) - 0.4).abs() < 1e-6);
+        assert!((environment.obstacles.clearance(Point::new(place.x, 2.5)) - 0.4).abs() < 1e-6);
     }
 
     #[test]
     fn a_ball_at_the_wall_is_not_pushed() {
-        let world = world("balls: [{at: [5.9, 2], colour: red}]");
-        let mut dynamics = Dynamics::new(&world);
-        let mut obstacles = world.obstacles();
+        let mut environment = Environment::new(world("balls: [{at: [5.9, 2], colour: red}]"));
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
-        dynamics.push_balls(robot, 0.4, &mut obstacles);
-        assert_eq!(dynamics.places().next(), Some(Point::new(5.9, 2.0)));
+        environment.push_balls(robot, 0.4);
+        assert_eq!(environment.places().next(), Some(Point::new(5.9, 2.0)));
     }
 
     fn visited(closed: bool) -> Vec<(i32, i32)> {

@@ -2,7 +2,7 @@
 //! when they are on.
 
 use kurbo::{BezPath, ParamCurveNearest, Shape};
-use qrcode::{Color, QrCode};
+use qrcode::QrCode;
 use serde::Deserialize;
 
 use super::objects::{Paint, Spot};
@@ -38,7 +38,7 @@ pub struct Lamp {
     /// The place above which it hangs.
     pub at: Spot,
     /// Brightness directly below it, 0..=1.
-    #[serde(default = "full", deserialize_with = "number::share")]
+    #[serde(default = "number::one", deserialize_with = "number::share")]
     pub brightness: f64,
     /// Colour of its light.
     #[serde(default = "white")]
@@ -217,10 +217,6 @@ fn tape_width() -> f64 {
     0.03
 }
 
-fn full() -> f64 {
-    1.0
-}
-
 fn half() -> f64 {
     0.5
 }
@@ -288,37 +284,12 @@ pub(crate) fn lit(on: Option<Schedule>, off: Option<Schedule>, seconds: f64) -> 
 /// Maximum length of a text in bytes; longer ones have modules too small for the camera.
 pub(crate) const MAX_TEXT: usize = 100;
 
-#[derive(Debug)]
-pub(crate) struct Code {
-    width: usize,
-    dark: Vec<bool>,
-}
-
-impl Code {
-    /// Encodes a text; `None` if it is too long.
-    pub(crate) fn new(text: &str) -> Option<Code> {
-        if text.len() > MAX_TEXT {
-            return None;
-        }
-        let code = QrCode::new(text).ok()?;
-        let dark = code
-            .to_colors()
-            .into_iter()
-            .map(|colour| colour == Color::Dark);
-        Some(Code {
-            width: code.width(),
-            dark: dark.collect(),
-        })
+/// Encodes the text of a sign; `None` if it is too long.
+pub(crate) fn qr_code(text: &str) -> Option<QrCode> {
+    if text.len() > MAX_TEXT {
+        return None;
     }
-
-    pub(crate) fn width(&self) -> usize {
-        self.width
-    }
-
-    /// Whether a module is dark; modules outside the code are not.
-    pub(crate) fn dark(&self, column: usize, row: usize) -> bool {
-        column < self.width && self.dark.get(row * self.width + column) == Some(&true)
-    }
+    QrCode::new(text).ok()
 }
 
 #[cfg(test)]

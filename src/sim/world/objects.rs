@@ -4,7 +4,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::fixtures::Tape;
 use crate::sim::geometry::obstacles::Bump;
-use crate::sim::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
+use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
 use crate::sim::yaml::number;
 use crate::yaml;
 
@@ -164,10 +164,14 @@ pub struct Post {
 }
 
 impl Room {
-    /// Returns the four outer walls, counter-clockwise.
-    pub(crate) fn sides(&self) -> [Segment; 4] {
-        let middle = Point::new(self.width / 2.0, self.depth / 2.0);
-        rectangle(middle, self.width, self.depth, 0.0)
+    /// Returns the floor between the outer walls.
+    pub(crate) fn footprint(&self) -> Rectangle {
+        Rectangle {
+            centre: Point::new(self.width / 2.0, self.depth / 2.0),
+            length: self.width,
+            width: self.depth,
+            heading: 0.0,
+        }
     }
 
     pub(crate) fn holds(&self, point: Point) -> bool {
@@ -176,29 +180,20 @@ impl Room {
 }
 
 impl Wall {
-    pub(crate) fn covers(&self, place: Point) -> bool {
+    pub(crate) fn footprint(&self) -> Rectangle {
         let from = self.from.point();
         let to = self.to.point();
-        let length = from.distance(to) + self.thickness;
-        let middle = from.towards(to, 0.5);
-        let heading = from.direction_of(to);
-        in_rectangle(place, middle, length, self.thickness, heading)
+        Rectangle {
+            centre: from.towards(to, 0.5),
+            length: from.distance(to) + self.thickness,
+            width: self.thickness,
+            heading: from.direction_of(to),
+        }
     }
 
     pub(super) fn stands_between(&self, a: Point, b: Point) -> bool {
-        self.sides().iter().any(|side| side.crosses(a, b))
-    }
-
-    pub(crate) fn sides(&self) -> [Segment; 4] {
-        let from = self.from.point();
-        let to = self.to.point();
-        let length = from.distance(to) + self.thickness;
-        rectangle(
-            from.towards(to, 0.5),
-            length,
-            self.thickness,
-            from.direction_of(to),
-        )
+        let mut sides = self.footprint().sides().into_iter();
+        sides.any(|side| side.crosses(a, b))
     }
 }
 
@@ -230,30 +225,29 @@ impl Sill {
 
 impl Rug {
     pub(super) fn bumps(&self) -> impl Iterator<Item = Bump> {
-        let sides = rectangle(self.at.point(), self.width, self.depth, 0.0);
+        let sides = self.footprint().sides();
         let height = self.height;
         sides.into_iter().map(move |edge| Bump { edge, height })
     }
 
-    pub(crate) fn covers(&self, place: Point) -> bool {
-        in_rectangle(place, self.at.point(), self.width, self.depth, 0.0)
+    pub(crate) fn footprint(&self) -> Rectangle {
+        Rectangle {
+            centre: self.at.point(),
+            length: self.width,
+            width: self.depth,
+            heading: 0.0,
+        }
     }
 }
 
 impl Furniture {
-    pub(crate) fn covers(&self, place: Point) -> bool {
-        let middle = self.at.point();
-        let heading = self.heading_degrees.to_radians();
-        in_rectangle(place, middle, self.length, self.width, heading)
-    }
-
-    pub(crate) fn sides(&self) -> [Segment; 4] {
-        rectangle(
-            self.at.point(),
-            self.length,
-            self.width,
-            self.heading_degrees.to_radians(),
-        )
+    pub(crate) fn footprint(&self) -> Rectangle {
+        Rectangle {
+            centre: self.at.point(),
+            length: self.length,
+            width: self.width,
+            heading: self.heading_degrees.to_radians(),
+        }
     }
 }
 

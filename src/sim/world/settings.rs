@@ -68,7 +68,7 @@ pub struct CameraSettings {
     #[serde(deserialize_with = "number::roll")]
     pub roll: f64,
     /// Horizontal field of view without distortion, degrees; the robot's own lens if omitted.
-    #[serde(deserialize_with = "some_view")]
+    #[serde(deserialize_with = "number::view_degrees")]
     pub hfov_degrees: Option<f64>,
     /// Distortion `[k1, k2]` or `[k1, k2, p1, p2]` after Brown and Conrady. If omitted, that of the
     /// robot's lens if `hfov_degrees` is omitted too, otherwise none.
@@ -128,57 +128,19 @@ impl Default for CameraSettings {
     }
 }
 
-/// A lens: pixels of a frame, the centre of the first of which is 0, 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LensNumbers {
-    /// Focal lengths along columns and rows.
-    pub focal: [f64; 2],
-    /// Column and row of the optical axis.
-    pub centre: [f64; 2],
-    /// k1, k2, p1, p2.
-    pub distortion: [f64; 4],
-}
-
-/// The lens of genuine robots, as published.
-const GENUINE: LensNumbers = LensNumbers {
-    focal: [381.03, 379.87],
-    centre: [156.71, 115.91],
-    distortion: [0.25296, -0.91742, -0.00530, -0.00879],
-};
-/// Middle of a frame of 320x240.
-const MIDDLE: [f64; 2] = [159.5, 119.5];
-
 impl CameraSettings {
-    /// Returns the lens.
-    pub(crate) fn lens(&self) -> LensNumbers {
-        let usual = match self.hfov_degrees {
-            None => GENUINE,
-            Some(degrees) => LensNumbers {
-                focal: [160.0 / (degrees.to_radians() / 2.0).tan(); 2],
-                centre: MIDDLE,
-                distortion: [0.0; 4],
-            },
-        };
-        LensNumbers {
-            distortion: self.distortion.unwrap_or(usual.distortion),
-            ..usual
-        }
-    }
-
     /// Returns what an owner who has measured this camera writes into the config.
     pub fn calibrated(&self) -> Camera {
-        let LensNumbers {
-            focal,
-            centre,
-            distortion,
-        } = self.lens();
+        let usual = match self.hfov_degrees {
+            None => Camera::default(),
+            Some(degrees) => Camera::pinhole(degrees.to_radians()),
+        };
         Camera {
             height: self.height,
             pitch: self.pitch,
             roll: self.roll,
-            focal,
-            centre,
-            distortion,
+            distortion: self.distortion.unwrap_or(usual.distortion),
+            ..usual
         }
     }
 
@@ -186,12 +148,11 @@ impl CameraSettings {
     pub(super) fn folds(&self) -> bool {
         const STEP: f64 = 0.002;
         const LEAST: f64 = 0.1;
-        let LensNumbers {
-            focal,
-            centre: [x, y],
-            distortion: [k1, k2, p1, p2],
-        } = self.lens();
-        let corner = f64::max(x, 319.0 - x).hypot(f64::max(y, 239.0 - y)) / focal[0].min(focal[1]);
+        let camera = self.calibrated();
+        let [x, y] = camera.centre;
+        let [k1, k2, p1, p2] = camera.distortion;
+        let focal = camera.focal[0].min(camera.focal[1]);
+        let corner = f64::max(x, 319.0 - x).hypot(f64::max(y, 239.0 - y)) / focal;
         let aside = 6.0 * p1.hypot(p2);
         let mut r = 0.0;
         let mut distorted = 0.0;
@@ -205,10 +166,6 @@ impl CameraSettings {
         }
         false
     }
-}
-
-fn some_view<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    number::view_degrees(from).map(Some)
 }
 
 fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 4]>, D::Error> {

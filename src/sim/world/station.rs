@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::objects::Spot;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, RADIUS, Segment, rectangle, wrap};
+use crate::sim::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
 use crate::sim::yaml::number;
 
 /// Depth of the station's body, from back to front, metres.
@@ -155,13 +155,17 @@ impl Station {
 
     /// Returns the corners of its footprint.
     pub fn outline(&self) -> [Point; 4] {
-        self.sides().map(|side| side.from)
+        self.footprint().corners()
     }
 
-    /// Returns the four sides of its body; the first is the front.
-    pub(crate) fn sides(&self) -> [Segment; 4] {
-        let middle = self.at.point().ahead(self.heading(), DEPTH / 2.0);
-        rectangle(middle, DEPTH, WIDTH, self.heading())
+    /// Returns where its body stands; its front looks into the room.
+    pub(crate) fn footprint(&self) -> Rectangle {
+        Rectangle {
+            centre: self.at.point().ahead(self.heading(), DEPTH / 2.0),
+            length: DEPTH,
+            width: WIDTH,
+            heading: self.heading(),
+        }
     }
 
     pub(crate) fn beacon(&self) -> Point {

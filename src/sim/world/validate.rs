@@ -2,7 +2,7 @@
 //! something.
 
 use super::World;
-use super::fixtures::{Code, MAX_TEXT};
+use super::fixtures::{MAX_TEXT, qr_code};
 use super::objects::Spot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::yaml::Step::{self, Index, Key};
@@ -83,7 +83,7 @@ fn check_corners(world: &World) -> Result<(), ValidationError> {
 
 fn check_signs(world: &World) -> Result<(), ValidationError> {
     let mut signs = world.signs.iter().enumerate();
-    let Some((index, sign)) = signs.find(|(_, sign)| Code::new(&sign.text).is_none()) else {
+    let Some((index, sign)) = signs.find(|(_, sign)| qr_code(&sign.text).is_none()) else {
         return Ok(());
     };
     let long = sign.text.len();
@@ -99,7 +99,7 @@ fn check_lens(world: &World) -> Result<(), ValidationError> {
     }
     let message = format!(
         "{:?} folds the image: use values nearer to 0 or a narrower view",
-        world.camera.lens().distortion
+        world.camera.calibrated().distortion
     );
     let path = [Key("camera"), Key("distortion")];
     Err(ValidationError::new(&path, message))
@@ -137,23 +137,36 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
     Err(ValidationError { path, message })
 }
 
-/// Returns the places outside lists that must be in the room, with their paths.
-fn single_spots(world: &World) -> Vec<(Vec<Step>, Point)> {
-    let station = world.station.at.point();
-    let mut spots = vec![(vec![Key("station"), Key("at")], station)];
-    if let Some(wifi) = world.wifi {
-        spots.push((vec![Key("wifi"), Key("at")], wifi.at.point()));
-    }
-    if let Some(start) = world.start {
-        spots.push((vec![Key("start"), Key("at")], start.at.point()));
-    }
-    spots
+/// Returns the `at` of each thing in a list, with its path in the document.
+fn placed<T>(
+    list: &'static str,
+    things: &[T],
+    at: impl Fn(&T) -> Spot,
+) -> impl Iterator<Item = (Vec<Step>, Point)> {
+    let places = things.iter().map(move |thing| at(thing).point());
+    let paths = (0..).map(move |index| vec![Key(list), Index(index), Key("at")]);
+    paths.zip(places)
 }
 
 /// Returns every place that must be in the room, with its path in the document.
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
-    let mut spots = single_spots(world);
+    let mut spots: Vec<(Vec<Step>, Point)> = placed("furniture", &world.furniture, |item| item.at)
+        .chain(placed("rugs", &world.rugs, |rug| rug.at))
+        .chain(placed("balls", &world.balls, |ball| ball.at))
+        .chain(placed("posts", &world.posts, |post| post.at))
+        .chain(placed("walkers", &world.walkers, |who| who.at))
+        .chain(placed("lamps", &world.lamps, |lamp| lamp.at))
+        .chain(placed("signs", &world.signs, |sign| sign.at))
+        .chain(placed("sounds", &world.sounds, |noise| noise.at))
+        .collect();
     let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
+    add(&[Key("station"), Key("at")], world.station.at);
+    if let Some(wifi) = world.wifi {
+        add(&[Key("wifi"), Key("at")], wifi.at);
+    }
+    if let Some(start) = world.start {
+        add(&[Key("start"), Key("at")], start.at);
+    }
     for (index, wall) in world.walls.iter().enumerate() {
         add(&[Key("walls"), Index(index), Key("from")], wall.from);
         add(&[Key("walls"), Index(index), Key("to")], wall.to);
@@ -161,27 +174,6 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     for (index, sill) in world.sills.iter().enumerate() {
         add(&[Key("sills"), Index(index), Key("from")], sill.from);
         add(&[Key("sills"), Index(index), Key("to")], sill.to);
-    }
-    let lists: [(&'static str, Vec<Spot>); 8] = [
-        (
-            "furniture",
-            world.furniture.iter().map(|item| item.at).collect(),
-        ),
-        ("rugs", world.rugs.iter().map(|rug| rug.at).collect()),
-        ("balls", world.balls.iter().map(|ball| ball.at).collect()),
-        ("posts", world.posts.iter().map(|post| post.at).collect()),
-        ("walkers", world.walkers.iter().map(|who| who.at).collect()),
-        ("lamps", world.lamps.iter().map(|lamp| lamp.at).collect()),
-        ("signs", world.signs.iter().map(|sign| sign.at).collect()),
-        (
-            "sounds",
-            world.sounds.iter().map(|noise| noise.at).collect(),
-        ),
-    ];
-    for (kind, places) in lists {
-        for (index, spot) in places.into_iter().enumerate() {
-            add(&[Key(kind), Index(index), Key("at")], spot);
-        }
     }
     for (index, line) in world.lines.iter().enumerate() {
         let path = [Key("lines"), Index(index), Key("through")];

@@ -68,8 +68,8 @@ impl Regions {
             .filter(|(index, region)| *index == region.parent)
     }
 
-    pub(crate) fn region(&self, index: u32) -> &Region {
-        &self.regions[index as usize]
+    pub(crate) fn region(&self, index: u32) -> Region {
+        self.regions[index as usize]
     }
 
     /// Assigns a region to each run of the newest row (from `first` on), using the runs above it.
@@ -151,8 +151,9 @@ impl Region {
         self.bottom = y;
     }
 
-    fn absorb(&mut self, other: &Region) {
+    pub(crate) fn absorb(&mut self, other: &Region) {
         self.moments.absorb(&other.moments);
+        self.perimeter += other.perimeter;
         self.left = self.left.min(other.left);
         self.right = self.right.max(other.right);
         self.top = self.top.min(other.top);

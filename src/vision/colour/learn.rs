@@ -100,12 +100,7 @@ fn samples(image: &Image, roi: Roi) -> Vec<[f64; 3]> {
 }
 
 fn grid(size: Size, roi: Roi) -> impl Iterator<Item = (u32, u32)> {
-    let part = roi.within(size).unwrap_or(Roi {
-        x: 0,
-        y: 0,
-        w: 0,
-        h: 0,
-    });
+    let part = roi.within(size).unwrap_or_default();
     let step = (f64::from(part.w) * f64::from(part.h) / f64::from(MAX_SAMPLES))
         .sqrt()
         .ceil()

@@ -62,8 +62,6 @@ pub(crate) struct Markers {
     pub(crate) size: Size,
     /// One scan, Huffman coded, eight bits, as cameras send it.
     pub(crate) baseline: bool,
-    /// Whether there are Huffman tables before the first scan; MJPEG cameras omit them.
-    pub(crate) has_tables: bool,
 }
 
 impl Markers {
@@ -83,12 +81,11 @@ impl Markers {
             return Err(FrameError::NoStart);
         }
         let mut picture = None;
-        let mut has_tables = false;
         let mut segments = Segments::new(jpeg);
         loop {
             let segment = segments.next()?;
             match segment.marker {
-                0xC4 => has_tables = true,
+                0xC4 => {}
                 0xC0..=0xC2 => picture = Some(read_size(segment)?),
                 0xC3 | 0xC5..=0xC7 | 0xCD..=0xCF => {
                     return Err(FrameError::Unsupported("lossless or hierarchical"));
@@ -103,19 +100,14 @@ impl Markers {
                 _ => {}
             }
         }
-        let (size, baseline) =
+        let markers =
             picture.ok_or_else(|| FrameError::damaged("no size header before the data"))?;
-        let markers = Markers {
-            size,
-            baseline,
-            has_tables,
-        };
         Ok((markers, segments.at))
     }
 }
 
 /// Reads the size, and whether the picture is baseline, from a start-of-frame segment.
-fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
+fn read_size(segment: Segment<'_>) -> Result<Markers, FrameError> {
     let &[bits, h1, h0, w1, w0, components, ..] = segment.body else {
         return Err(FrameError::damaged("its size header is too short"));
     };
@@ -133,7 +125,10 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
     if width > MAX_WIDTH || height > MAX_HEIGHT {
         return Err(FrameError::TooLarge { width, height });
     }
-    Ok((Size { width, height }, segment.marker != 0xC2))
+    Ok(Markers {
+        size: Size { width, height },
+        baseline: segment.marker != 0xC2,
+    })
 }
 
 /// Checks that the end marker follows the data; padding after it is normal.

@@ -2,8 +2,7 @@
 //! table.
 
 use super::frame::{FrameError, Segment, Segments};
-use super::huffman::AcTable;
-use super::huffman::{STANDARD_TABLES, Table};
+use super::huffman::{AcTable, STANDARD_TABLES, Table};
 use super::idct;
 use crate::vision::picture::Size;
 
@@ -82,20 +81,27 @@ pub(super) struct Headers {
 
 impl Headers {
     /// Parses everything before the data. Returns where the data begins.
-    pub(super) fn read(&mut self, jpeg: &[u8], has_tables: bool) -> Result<usize, DecodeError> {
+    pub(super) fn read(&mut self, jpeg: &[u8]) -> Result<usize, DecodeError> {
         self.forget();
-        if !has_tables {
-            self.read_tables(&STANDARD_TABLES[4..])?;
-        }
+        let mut has_tables = false;
         let mut segments = Segments::new(jpeg);
         loop {
             let segment = segments.next()?;
             match segment.marker {
                 0xC0 | 0xC1 => self.read_frame(segment.body)?,
-                0xC4 => self.read_tables(segment.body)?,
+                0xC4 => {
+                    has_tables = true;
+                    self.read_tables(segment.body)?;
+                }
                 0xDB => self.read_quantisers(segment.body)?,
                 0xDD => self.read_restart_interval(segment.body)?,
-                0xDA => break self.read_scan(segment)?,
+                0xDA => {
+                    // MJPEG cameras omit the Huffman tables.
+                    if !has_tables {
+                        self.read_tables(&STANDARD_TABLES[4..])?;
+                    }
+                    break self.read_scan(segment)?;
+                }
                 0xC2..=0xCF => return Err(DecodeError::Unsupported),
                 0xEE if segment.body.starts_with(b"Adobe") => return Err(DecodeError::Unsupported),
                 _ => {}

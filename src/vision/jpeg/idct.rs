@@ -1,5 +1,5 @@
 //! The inverse discrete cosine transform of Arai, Agui and Nakajima, whose factors are partly
-//! folded into the quantisation table, in a form that compilers vectorise ([`super::avx2`] does the
+//! folded into the quantisation table, in a form that compilers vectorise ([`super::machine`] does the
 //! same for two blocks). Results are within two levels of the exact ones. Sums wrap, so damaged
 //! data gives wrong samples and no panic.
 
@@ -13,35 +13,20 @@ const FINER: u32 = 8;
 /// transposed, because the first pass processes the block's columns.
 pub(crate) const ZIGZAG: [u8; 64] = {
     let mut places = [0; 64];
-    let mut row = 0i32;
-    let mut column = 0i32;
+    let mut row = 0;
+    let mut column = 0;
     let mut index = 0;
-    let mut upwards = true;
     while index < 64 {
         places[index] = (column * 8 + row) as u8;
         index += 1;
-        let (next_row, next_column) = if upwards {
-            (row - 1, column + 1)
-        } else {
-            (row + 1, column - 1)
-        };
-        if next_row < 0 || next_row > 7 || next_column < 0 || next_column > 7 {
-            // At the border the zigzag changes direction and moves along the border, away from its
-            // start.
-            if upwards {
-                if next_column > 7 {
-                    row += 1
-                } else {
-                    column += 1
-                }
-            } else if next_row > 7 {
-                column += 1;
-            } else {
-                row += 1;
-            }
-            upwards = !upwards;
-        } else {
-            (row, column) = (next_row, next_column);
+        let is_upwards = (row + column) % 2 == 0;
+        match (is_upwards, row, column) {
+            (true, _, 7) => row += 1,
+            (true, 0, _) => column += 1,
+            (true, ..) => (row, column) = (row - 1, column + 1),
+            (false, 7, _) => column += 1,
+            (false, _, 0) => row += 1,
+            (false, ..) => (row, column) = (row + 1, column - 1),
         }
     }
     places

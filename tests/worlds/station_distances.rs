@@ -1,12 +1,9 @@
-//! Shortest paths to the station over the free floor, on a grid. Used by tests and reports; not
-//! available to the robot.
+//! Shortest paths to the station over the free floor, on a grid; not available to the robot.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::World;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, RADIUS};
+use spykee::sim::{Obstacles, Point, RADIUS, World};
 
 /// Distance between two neighbours on the grid, metres.
 const GRID: f64 = 0.05;
