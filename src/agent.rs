@@ -50,6 +50,17 @@ pub struct Behaviour {
     pub reloads: Option<mpsc::Receiver<Reload>>,
 }
 
+impl Behaviour {
+    /// The same, from its first text on.
+    fn again(&self) -> Behaviour {
+        Behaviour {
+            launch: self.launch.clone(),
+            reloads: None,
+            ..*self
+        }
+    }
+}
+
 /// Everything a run needs.
 pub struct Plan {
     /// The behaviours that run from the beginning.
@@ -78,7 +89,7 @@ pub struct Plan {
     pub bus: Bus,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Outcome {
     /// Each behaviour's name and last ending, in the order in which they ended.
     pub exits: Vec<(String, ScriptExit)>,
@@ -157,35 +168,23 @@ impl Agent {
     /// Runs until every behaviour has ended (unless the plan says that the run stays), the time is
     /// over, or `stop` is cancelled. A script that cannot be loaded and is not watched ends the run
     /// before it connects to the robot.
-    pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
-        let Agent {
-            behaviours,
-            mut behaviour_set,
-            launcher,
-            rescue,
-            limit,
-            stays,
-            mut setup,
-            ..
-        } = self;
-        if let Some(launch) = rescue {
-            setup.stand_by(launcher, launch);
+    pub async fn run(mut self, stop: CancellationToken) -> Result<Outcome, AgentError> {
+        if let Some(launch) = self.rescue {
+            self.setup.stand_by(self.launcher, launch);
         }
-        let prepared = match behaviour_set.prepare(behaviours).await {
+        let prepared = match self.behaviour_set.prepare(self.behaviours).await {
             Ok(prepared) => prepared,
             Err(refused) => {
                 return Ok(Outcome {
                     exits: vec![refused],
-                    safety: false,
-                    interrupted: false,
-                    owes_stop: false,
+                    ..Outcome::default()
                 });
             }
         };
         let mut run = Run {
-            pilot: setup.launch(&stop),
-            behaviour_set,
-            stays,
+            pilot: self.setup.launch(&stop),
+            behaviour_set: self.behaviour_set,
+            stays: self.stays,
         };
         let lived = tokio::select! {
             biased;
@@ -193,7 +192,7 @@ impl Agent {
             up = run.reach() => match up {
                 Ok(()) => {
                     run.behaviour_set.begin(prepared);
-                    run.live(limit, &stop).await
+                    run.live(self.limit, &stop).await
                 }
                 Err(error) => Err(error),
             },

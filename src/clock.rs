@@ -3,18 +3,20 @@
 //! advances with the runtime's clock.
 
 mod span;
-mod zone;
 
 use std::cell::Cell;
+use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
 use jiff::civil::DateTime;
+use jiff::tz::{self, TimeZone, TimeZoneDatabase};
 use jiff::{SignedDuration, Timestamp, Zoned};
-use tokio::time::{Instant, sleep_until};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until};
 
 pub use span::Span;
-pub use zone::Zone;
 
 /// An earlier date means that the computer's clock is not set: no version of this program is older.
 const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
@@ -111,6 +113,13 @@ pub fn hours(time: Duration) -> String {
     format!("{hours}:{minutes:02}:{:02}", seconds % 60)
 }
 
+/// Ticks in this period, at once for the first time; a tick that is late delays those after it.
+pub fn every(period: Duration) -> Interval {
+    let mut ticks = interval(period);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    ticks
+}
+
 /// Sleeps until the deadline; without one, never returns. Cancel-safe, for the branches of
 /// `select!`.
 pub async fn until(deadline: Option<Instant>) {
@@ -133,6 +142,91 @@ pub enum ClockError {
     Span(String),
     #[error("there is no time zone `{0}`")]
     Zone(String),
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Zone {
+    name: String,
+    rules: TimeZone,
+}
+
+impl Zone {
+    /// Returns universal time.
+    pub fn utc() -> Zone {
+        Zone {
+            name: "UTC".to_owned(),
+            rules: TimeZone::UTC,
+        }
+    }
+
+    /// Returns the computer's time zone if its name is known; otherwise universal time.
+    pub fn system() -> Zone {
+        let system = TimeZone::system();
+        let named = system.iana_name().and_then(|name| name.parse().ok());
+        named.unwrap_or_else(Zone::utc)
+    }
+
+    /// Returns the name, such as `Europe/Rome`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Converts an instant to the local time of this zone.
+    pub fn time(&self, instant: Timestamp) -> Zoned {
+        instant.to_zoned(self.rules.clone())
+    }
+
+    pub fn time_zone(&self) -> &tz::TimeZone {
+        &self.rules
+    }
+}
+
+impl FromStr for Zone {
+    type Err = ClockError;
+
+    fn from_str(name: &str) -> Result<Zone, ClockError> {
+        if name.eq_ignore_ascii_case("utc") {
+            return Ok(Zone::utc());
+        }
+        let rules = TimeZoneDatabase::bundled().get(name);
+        let rules = rules.map_err(|_| ClockError::Zone(name.to_owned()))?;
+        let name = rules.iana_name().unwrap_or(name).to_owned();
+        Ok(Zone { name, rules })
+    }
+}
+
+impl fmt::Display for Zone {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}
+
+impl Serialize for Zone {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for Zone {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Zone, D::Error> {
+        struct ZoneVisitor;
+        impl Visitor<'_> for ZoneVisitor {
+            type Value = Zone;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a time zone, such as Europe/Rome")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Zone, E> {
+                name.parse().map_err(|why: ClockError| {
+                    E::custom(format_args!(
+                        "{why}, expected one such as Europe/Rome or UTC"
+                    ))
+                })
+            }
+        }
+        from.deserialize_str(ZoneVisitor)
+    }
 }
 
 #[cfg(test)]

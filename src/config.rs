@@ -3,32 +3,29 @@
 
 mod behaviours;
 mod effective;
-mod logging;
 mod mqtt;
 mod remote;
-mod schema;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
 
 use crate::clock::{Span, Zone};
-use crate::link::Target;
+use crate::link::{self, Target};
 use crate::pilot::Settings;
 use crate::robot::{Streams, float_within};
-use crate::script::Calibration;
+use crate::script::{self, Calibration};
 use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
-use crate::{files, http, journal, link, notify, safety, script, yaml};
+use crate::{files, http, journal, notify, safety, yaml};
 
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
-pub use self::logging::{Level, LogFormat, Logging};
-pub use self::mqtt::{Mqtt, MqttError};
+pub use self::mqtt::Mqtt;
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
-pub use self::schema::schema;
 
 const DATA_FOLDER: &str = "spykee-data";
 
@@ -45,7 +42,6 @@ pub struct Config {
     pub password_file: Option<PathBuf>,
     /// The behaviours to run if the command line names none.
     #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
-    #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
     /// The timetable by which `spykee serve` starts behaviours.
     pub schedule: Vec<Rule>,
@@ -341,14 +337,8 @@ impl Config {
             .watchdog
             .check()
             .map_err(|error| invalid(error.to_string()))?;
-        config
-            .notify
-            .check()
-            .map_err(|error| invalid(error.to_string()))?;
-        config
-            .mqtt
-            .check()
-            .map_err(|error| invalid(error.to_string()))?;
+        config.notify.check().map_err(invalid)?;
+        config.mqtt.check().map_err(invalid)?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
             return Err(invalid(format!(
                 "notify.targets.{target}: a topic needs a broker, but no `mqtt: {{ host: ... }}` is \
@@ -421,6 +411,49 @@ pub enum Idle {
     Keep,
     /// The service disconnects from a robot on its station, so that another program can log in.
     Release,
+}
+
+/// Options of the log on stderr.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Logging {
+    /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
+    pub level: Level,
+    /// The format, for people or for programs; `--log-format` overrides it.
+    pub format: LogFormat,
+}
+
+/// The lowest level that is logged.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Only errors.
+    Error,
+    /// Errors and warnings.
+    Warn,
+    /// Also information.
+    #[default]
+    Info,
+    /// Also details.
+    Debug,
+}
+
+/// The format of log lines.
+#[derive(
+    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum,
+)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// Text for people.
+    #[default]
+    Text,
+    /// One JSON object per line.
+    Json,
+}
+
+/// The schema of a whole config file (JSON Schema 2020-12).
+pub fn schema() -> Value {
+    schemars::schema_for!(Config).to_value()
 }
 
 #[cfg(test)]
@@ -556,5 +589,83 @@ mod tests {
         fn no_text_causes_a_panic(text in "[ -~\n]{0,200}") {
             let _ = Config::parse(&text, "spykee.yaml");
         }
+    }
+
+    const EXAMPLE: &str = include_str!("../behaviours/spykee.example.yaml");
+
+    fn example() -> serde_yaml::Value {
+        serde_yaml::from_str(EXAMPLE).unwrap()
+    }
+
+    #[test]
+    fn the_example_names_every_setting() {
+        let text = example();
+        for setting in Effective::default().settings() {
+            let key = setting.key;
+            let found = key.split('.').try_fold(&text, |tree, name| tree.get(name));
+            assert!(found.is_some(), "{key} is not in the example");
+        }
+        let entry = &text["behaviours"][1];
+        let schema = schema();
+        let keys = schema["$defs"]["Behaviour"]["properties"]
+            .as_object()
+            .unwrap();
+        for key in keys.keys().filter(|key| *key != "params") {
+            assert!(entry.get(key).is_some(), "{key} is not in the example");
+        }
+    }
+
+    #[test]
+    fn the_example_is_valid_and_has_the_defaults() {
+        let config = Config::parse(EXAMPLE, "example").unwrap();
+        let usual = Config::default();
+        assert_eq!(config.watchdog, usual.watchdog);
+        assert_eq!(config.streams, usual.streams);
+        assert_eq!(config.limits, usual.limits);
+        assert_eq!(config.calibration, usual.calibration);
+        assert_eq!(config.logging, usual.logging);
+        assert_eq!(config.journal, usual.journal);
+        assert_eq!(config.camera, usual.camera);
+        assert_eq!((config.behaviours.len(), config.colours.len()), (2, 2));
+    }
+
+    /// Whether the schema knows every key of a value, as far as it closes its objects.
+    fn knows(root: &Value, schema: &Value, value: &serde_yaml::Value, at: &str) {
+        let schema = match schema["$ref"].as_str() {
+            Some(path) => root.pointer(path.trim_start_matches('#')).unwrap(),
+            None => schema,
+        };
+        let Some(map) = value.as_mapping() else {
+            let items = value.as_sequence().into_iter().flatten();
+            return items.for_each(|item| knows(root, &schema["items"], item, at));
+        };
+        for (key, value) in map {
+            let key = key.as_str().unwrap();
+            let inner = match schema["properties"].get(key) {
+                Some(inner) => inner,
+                None => &schema["additionalProperties"],
+            };
+            assert!(inner.is_object() || inner == true, "{at}.{key}: {schema}");
+            knows(root, inner, value, &format!("{at}.{key}"));
+        }
+    }
+
+    #[test]
+    fn the_schema_has_all_keys_of_the_example_and_refuses_others() {
+        let schema = schema();
+        knows(&schema, &schema, &example(), "");
+        for closed in [
+            "/additionalProperties",
+            "/$defs/Limits/additionalProperties",
+        ] {
+            assert_eq!(schema.pointer(closed), Some(&false.into()), "{closed}");
+        }
+        let lasts = schema.pointer("/$defs/Rule/properties/for/type").unwrap();
+        assert_eq!(lasts, &serde_json::json!(["string", "number", "null"]));
+        let low = schema.pointer("/$defs/Limits/properties/low").unwrap();
+        assert_eq!(
+            (&low["maximum"], low["type"].as_str()),
+            (&100.into(), Some("integer"))
+        );
     }
 }

@@ -8,23 +8,19 @@
 mod client;
 mod emergency_stop;
 mod folder;
-mod remote;
 mod request;
 mod response;
 mod routes;
 mod run;
 mod run_status;
-mod server;
 mod world_change;
 
-pub use client::{AskError, Client, StopAnswer, StoppedRun, runs, stop_runs};
+pub use client::{AskError, Client, Remote, StopAnswer, StoppedRun, TokenError, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
-pub use folder::guardian_socket;
-pub use remote::{Remote, TokenError};
+pub use folder::{ControlServer, guardian_socket};
 pub use request::{Change, MAX_SPEECH, RunRequest};
 pub use response::RunResponse;
 pub use routes::{described, paths, routes};
 pub use run::Run;
-pub use run_status::{BehaviourListing, RunStatus, Start};
-pub use server::ControlServer;
+pub use run_status::{BehaviourListing, RunStatus};
 pub use world_change::SimulatedRobot;

@@ -10,10 +10,8 @@
 mod access;
 mod connections;
 mod keyring;
-mod login;
 mod middleware;
 mod origin_check;
-mod visitor;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -40,11 +38,9 @@ use tracing::debug;
 use connections::{Connections, Place};
 use middleware::LocalUser;
 
-pub use access::{Access, AccessError};
+pub use access::{Access, AccessError, Refusal, Visitor};
 pub use keyring::{Key, Keyring, KeyringError, Role};
-pub use login::{Me, routes};
-pub use middleware::guard_request;
-pub use visitor::{Refusal, Visitor};
+pub use middleware::{Me, guard_request, routes};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);

@@ -97,7 +97,8 @@
 //! | 0 | `files` | regular files of bounded length, folders without links |
 //! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
-//! | 0 | `rate_limit` | token buckets, bytes per day, and lines that are logged once a minute |
+//! | 0 | `rate_limit` | token buckets, bytes per day, growing pauses, lines that are logged once a minute |
+//! | 0 | `side_thread` | threads for work that waits for a disk, a network or another program |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
 //! | 0 | `robot_socket` | how a socket to the robot is opened, also in place of a lost one |
 //! | 0 | `socket_outq` | how much of what was written a robot has not acknowledged yet |
@@ -154,6 +155,7 @@ pub mod sanitize;
 pub mod scenario;
 pub mod script;
 pub mod service;
+pub mod side_thread;
 pub mod sim;
 pub mod simulation;
 pub mod socket_outq;

@@ -6,7 +6,7 @@
 //! client of the pilot like those of any behaviour, under the same watchdog. A slow viewer loses
 //! frames first, then the connection.
 //!
-//! A person who drives by hand sends setpoints; each is valid for 0.3 s (`manual_drive`). STOP is
+//! A person who drives by hand sends setpoints; each is valid for 0.3 s (`viewer`). STOP is
 //! not a setpoint but an emergency stop: it holds the robot until a person releases it.
 
 mod api;
@@ -14,13 +14,10 @@ mod broadcast;
 mod connection;
 mod history;
 mod log;
-mod manual_drive;
 mod messages;
 mod metrics;
-mod openapi;
 mod scripts;
 mod server;
-mod state;
 mod viewer;
 mod world;
 

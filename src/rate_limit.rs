@@ -1,8 +1,9 @@
-//! Limits on what is sent and logged: token buckets, bytes per day, and messages that are logged
-//! once and then counted. Pure: the time is an argument.
+//! Limits on what is sent, tried and logged: token buckets, bytes per day, growing pauses, and
+//! messages that are logged once and then counted. Pure: the time is an argument.
 
 use std::time::Duration;
 
+use rand::{Rng, RngExt};
 use tokio::time::Instant;
 
 const DAY: Duration = Duration::from_secs(86_400);
@@ -17,6 +18,8 @@ pub struct TokenBucket {
     most: f64,
     per_second: f64,
     at: Option<Instant>,
+    /// How often too little was left since the last success.
+    refused: u64,
 }
 
 impl TokenBucket {
@@ -27,6 +30,7 @@ impl TokenBucket {
             most,
             per_second,
             at: None,
+            refused: 0,
         }
     }
 
@@ -42,6 +46,15 @@ impl TokenBucket {
             self.level -= amount;
         }
         enough
+    }
+
+    /// The same; returns how often it was refused since the last success.
+    pub fn take_counted(&mut self, amount: f64, now: Instant) -> Option<u64> {
+        if !self.take(amount, now) {
+            self.refused += 1;
+            return None;
+        }
+        Some(std::mem::take(&mut self.refused))
     }
 }
 
@@ -68,8 +81,51 @@ impl Budget {
         self.bucket.take(bytes as f64, now)
     }
 
+    /// The same; returns how often it was refused since the last success.
+    pub fn take_counted(&mut self, bytes: u64, now: Instant) -> Option<u64> {
+        self.bucket.take_counted(bytes as f64, now)
+    }
+
     pub fn per_day(&self) -> u64 {
         self.per_day
+    }
+}
+
+/// Growing pauses: each step is twice as long as the one before, up to the longest.
+#[derive(Debug, Clone)]
+pub struct Backoff {
+    first: Duration,
+    longest: Duration,
+    step: Duration,
+}
+
+impl Backoff {
+    /// Starts at `first` and grows up to `longest`, which wins if it is shorter.
+    pub fn new(first: Duration, longest: Duration) -> Backoff {
+        let first = first.min(longest);
+        Backoff {
+            first,
+            longest,
+            step: first,
+        }
+    }
+
+    /// The next pause.
+    pub fn step(&mut self) -> Duration {
+        let step = self.step;
+        self.step = step.saturating_mul(2).min(self.longest);
+        step
+    }
+
+    /// The next pause, drawn from the upper half of its step, so that several agents do not
+    /// reconnect in the same instant.
+    pub fn next(&mut self, rng: &mut impl Rng) -> Duration {
+        self.step().mul_f64(rng.random_range(0.5..=1.0))
+    }
+
+    /// Makes the next pause short again.
+    pub fn reset(&mut self) {
+        self.step = self.first;
     }
 }
 
@@ -111,6 +167,46 @@ impl<K: PartialEq> Repeats<K> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use rand::SeedableRng;
+    use rand::rngs::StdRng;
+
+    const FIRST: Duration = Duration::from_millis(500);
+    const LONGEST: Duration = Duration::from_secs(30);
+
+    fn pauses(seed: u64, count: usize) -> Vec<Duration> {
+        let mut backoff = Backoff::new(FIRST, LONGEST);
+        let mut rng = StdRng::seed_from_u64(seed);
+        (0..count).map(|_| backoff.next(&mut rng)).collect()
+    }
+
+    #[test]
+    fn pauses_grow_and_stay_within_the_longest() {
+        for seed in 0..100 {
+            let pauses = pauses(seed, 20);
+            assert!(pauses[0] >= FIRST / 2, "{pauses:?}");
+            assert!(pauses[..6].is_sorted(), "{pauses:?}");
+            assert!(pauses[10..].iter().all(|&pause| pause >= LONGEST / 2));
+            assert!(pauses.iter().all(|&pause| pause <= LONGEST));
+        }
+    }
+
+    #[test]
+    fn pauses_differ_between_seeds_and_repeat_for_one_seed() {
+        assert_ne!(pauses(1, 5), pauses(2, 5));
+        assert_eq!(pauses(1, 5), pauses(1, 5));
+    }
+
+    #[test]
+    fn after_a_reset_pauses_are_short_again_and_a_shorter_longest_wins() {
+        let mut backoff = Backoff::new(FIRST, LONGEST);
+        for _ in 0..10 {
+            let _ = backoff.step();
+        }
+        assert_eq!(backoff.step(), LONGEST);
+        backoff.reset();
+        assert_eq!(backoff.step(), FIRST);
+        assert_eq!(Backoff::new(LONGEST, FIRST).step(), FIRST);
+    }
 
     #[test]
     fn an_hours_share_may_be_spent_at_once_and_the_rest_accrues_evenly() {

@@ -185,9 +185,9 @@ impl BehaviourSet {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
                 None => self.start(&name, time_limit, reply),
             },
-            RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
+            RosterCommand::Stop(name, reply) => match self.find(&name) {
                 Some(one) => {
-                    one.stop_for_good(reason);
+                    one.stop_for_good();
                     one.ended.push(reply);
                 }
                 None => {
@@ -200,7 +200,7 @@ impl BehaviourSet {
             },
             RosterCommand::StopAll(reply) => {
                 for one in &mut self.active {
-                    one.stop_for_good(EndReason::Cancelled);
+                    one.stop_for_good();
                 }
                 // Whoever gets the reply then waits for the behaviours in state `Ending`.
                 self.publish();
@@ -239,7 +239,7 @@ impl BehaviourSet {
         self.loading
             .spawn(async move { (by, load(context, by, spec, status).await) });
         let mut one = ActiveBehaviour::new(by, name.to_owned(), stop, time_limit);
-        one.started.push(reply);
+        one.started = Some(reply);
         self.active.push(one);
     }
 
@@ -250,7 +250,7 @@ impl BehaviourSet {
         let stopped = *self.active[at].stop.borrow();
         match (loaded, stopped) {
             (Ok((restart_loop, host)), None) => {
-                for reply in self.active[at].started.drain(..) {
+                if let Some(reply) = self.active[at].started.take() {
                     let _ = reply.send(Ok(()));
                 }
                 self.run(restart_loop, Ok(host));
@@ -275,8 +275,8 @@ impl BehaviourSet {
                     }
                     Ok(_) => RosterError::StoppedFirst(one.name.clone()),
                 };
-                for reply in std::mem::take(&mut one.started) {
-                    refuse(reply, refusal.clone());
+                if let Some(reply) = one.started.take() {
+                    refuse(reply, refusal);
                 }
                 self.close(one);
             }
@@ -388,18 +388,13 @@ pub(super) async fn load(
     let behaviour = made.unwrap_or(Err(RosterError::CannotLoad(broken)))?;
     let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
-    let host = prepared.map_err(|exit| RosterError::CannotLoad(describe(&exit)))?;
+    let host = prepared.map_err(|exit| RosterError::CannotLoad(exit.text().to_owned()))?;
     // A robot whose link was released is being dialled meanwhile.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
         Ok(Ok(_)) => Ok((restart_loop, host)),
         _ => Err(RosterError::Offline),
     }
-}
-
-fn describe(exit: &ScriptExit) -> String {
-    let words = exit.message.as_deref();
-    words.unwrap_or(exit.reason.sentence()).to_owned()
 }
 
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
@@ -411,7 +406,7 @@ pub(super) struct ActiveBehaviour {
     /// When it began; `None`: it is being loaded.
     pub(super) since: Option<Instant>,
     pub(super) time_limit: Option<Duration>,
-    pub(super) started: Vec<Reply>,
+    pub(super) started: Option<Reply>,
     pub(super) ended: Vec<Reply>,
     /// Present if it is to be started again when it has ended; receives the outcome.
     pub(super) restart_reply: Option<Reply>,
@@ -430,7 +425,7 @@ impl ActiveBehaviour {
             stop,
             since: None,
             time_limit,
-            started: Vec::new(),
+            started: None,
             ended: Vec::new(),
             restart_reply: None,
         }
@@ -445,8 +440,8 @@ impl ActiveBehaviour {
     }
 
     /// Tells it to end, and not to start again.
-    pub(super) fn stop_for_good(&mut self, reason: EndReason) {
-        request_stop(&self.stop, reason);
+    pub(super) fn stop_for_good(&mut self) {
+        request_stop(&self.stop, EndReason::Cancelled);
         if let Some(again) = self.restart_reply.take() {
             let _ = again.send(Err(RosterError::StoppedFirst(self.name.clone())));
         }

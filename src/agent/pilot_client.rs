@@ -4,8 +4,9 @@
 use std::time::Duration;
 
 use tokio::sync::mpsc;
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::sleep;
 
+use crate::clock::every;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
@@ -87,13 +88,12 @@ impl PilotClient {
     ) -> Result<MotionEnd, PilotClientError> {
         let motion = MotionId(self.next());
         let duration = Some(duration);
-        self.send_intent(Intent::Move {
+        let intent = Intent::Move {
             motion,
             setpoint,
             duration,
-        })
-        .await?;
-        self.wait(|event| match event {
+        };
+        self.call(intent, |event| match event {
             Event::MotionEnded { motion: of, end } if *of == motion => Some(*end),
             _ => None,
         })
@@ -103,8 +103,7 @@ impl PilotClient {
     /// Goes to the station, and returns the outcome.
     pub async fn dock(&mut self, plan: DockPlan) -> Result<Docked, PilotClientError> {
         let call = CallId(self.next());
-        self.send_intent(Intent::Dock { call, plan }).await?;
-        self.wait(|event| match event {
+        self.call(Intent::Dock { call, plan }, |event| match event {
             Event::DockEnded {
                 call: of,
                 end,
@@ -123,8 +122,7 @@ impl PilotClient {
     /// Leaves the station, and returns how that ended.
     pub async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, PilotClientError> {
         let call = CallId(self.next());
-        self.send_intent(Intent::Undock { call, timeout }).await?;
-        self.wait(|event| match event {
+        self.call(Intent::Undock { call, timeout }, |event| match event {
             Event::UndockEnded { call: of, end } if *of == call => Some(*end),
             _ => None,
         })
@@ -183,13 +181,14 @@ impl PilotClient {
         asked.map_err(|_| PilotClientError::Closed)
     }
 
-    /// Waits for an answer, and shows life meanwhile.
-    async fn wait<T>(
+    /// Sends an intent and waits for its answer; shows life meanwhile.
+    async fn call<T>(
         &mut self,
+        intent: Intent,
         answer: impl Fn(&Event) -> Option<T>,
     ) -> Result<T, PilotClientError> {
-        let mut heartbeat = interval(HEARTBEAT_INTERVAL);
-        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        self.send_intent(intent).await?;
+        let mut heartbeat = every(HEARTBEAT_INTERVAL);
         loop {
             let message = tokio::select! {
                 message = self.inbox.next() => message,

@@ -2,20 +2,19 @@
 //! behaviour that ends is replaced; the link, the pilot and the watchdog are kept.
 
 use std::pin::pin;
-use std::time::Duration;
 
-use tokio::runtime;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
+use super::restart_loop::LaunchContext;
 use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
     Handle, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel, Supervisor,
 };
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
+use crate::robot::{BehaviourId, EndReason, Intent, Priority};
 use crate::script::ScriptExit;
 
 /// Everything that a session needs.
@@ -37,19 +36,14 @@ pub enum ReplError {
     #[error(transparent)]
     Agent(#[from] AgentError),
     /// No behaviour can be started.
-    #[error("{}", .0.message.as_deref().unwrap_or(.0.reason.sentence()))]
+    #[error("{}", .0.text())]
     Host(ScriptExit),
 }
 
 struct RunningSession {
     launch: Launch,
-    launcher: Launcher,
-    core: runtime::Handle,
+    context: LaunchContext,
     pilot: RunningPilot,
-    requests: mpsc::Sender<Request>,
-    frames: watch::Receiver<Pictures>,
-    /// The longest silence of a host that does not drive.
-    longest_silence: Duration,
     last: u16,
 }
 
@@ -68,11 +62,7 @@ impl ReplSession {
         }
         let mut session = RunningSession {
             launch: self.launch,
-            launcher: self.launcher,
-            core: self.setup.core().clone(),
-            requests: self.setup.requests(),
-            frames: self.setup.frames(),
-            longest_silence: self.setup.longest_silence(),
+            context: self.setup.launch_context(self.launcher),
             pilot: self.setup.launch(&stop),
             last: 0,
         };
@@ -119,7 +109,7 @@ impl RunningSession {
             .await?
             .with_repl_channel(repl_channel);
         let handle = Handle::default();
-        let core = self.core.clone();
+        let core = self.context.core.clone();
         let mut running = pin!(supervisor.run(handle.clone(), &core));
         let _ = sink.send(PromptMessage::Ready).await;
         loop {
@@ -143,7 +133,7 @@ impl RunningSession {
         }
         // Stop without the end of the run: if the battery is low, the robot is brought home first.
         let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
-        let _ = self.requests.try_send(rest);
+        let _ = self.context.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);
         if timeout(SCRIPTS_END, running).await.is_err() {
             warn!("a typed script's on_stop took too long and was abandoned");
@@ -155,15 +145,14 @@ impl RunningSession {
         self.last = self.last.wrapping_add(1);
         let by = BehaviourId(self.last);
         let launch = self.launch.clone();
-        let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
+        let context = self.context.clone();
+        let prepared =
+            Prepared::start(&context.launcher, &context.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(ReplError::Host)?;
-        Ok(Supervisor::register(
-            prepared,
-            Role::Behaviour,
-            self.requests.clone(),
-            self.frames.clone(),
+        Ok(
+            Supervisor::register(prepared, Role::Behaviour, context.requests, context.frames)
+                .await
+                .with_longest_silence(context.longest_silence),
         )
-        .await
-        .with_longest_silence(self.longest_silence))
     }
 }

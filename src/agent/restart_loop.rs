@@ -66,23 +66,16 @@ impl RestartLoop {
         role: Role,
         plan: Behaviour,
     ) -> RestartLoop {
-        let Behaviour {
-            priority,
-            launch,
-            checked,
-            restart: policy,
-            reloads,
-        } = plan;
         RestartLoop {
             context,
             by,
             role,
-            priority,
-            restarts: RestartTracker::new(policy, launch.options.seed),
-            launch,
-            checked,
-            policy,
-            reloads,
+            priority: plan.priority,
+            restarts: RestartTracker::new(plan.restart, plan.launch.options.seed),
+            launch: plan.launch,
+            checked: plan.checked,
+            policy: plan.restart,
+            reloads: plan.reloads,
             outdated: false,
         }
     }
@@ -131,25 +124,17 @@ impl RestartLoop {
     /// Returns how it has ended, and a text that was saved and loaded meanwhile. The old text runs
     /// until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
-        let LaunchContext {
-            requests,
-            frames,
-            core,
-            longest_silence,
-            viewers,
-            ..
-        } = self.context.clone();
-        let handle = Handle::default();
-        let bus = self.context.bus.clone();
-        bus.publish(AgentEvent::Started {
+        let context = self.context.clone();
+        context.bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
         });
-        let supervisor = Supervisor::register(host, self.role, requests, frames)
+        let handle = Handle::default();
+        let supervisor = Supervisor::register(host, self.role, context.requests, context.frames)
             .await
-            .with_longest_silence(longest_silence)
-            .with_viewers(viewers)
-            .with_bus(bus);
-        let mut life = pin!(supervisor.run(handle.clone(), &core));
+            .with_longest_silence(context.longest_silence)
+            .with_viewers(context.viewers)
+            .with_bus(context.bus);
+        let mut life = pin!(supervisor.run(handle.clone(), &context.core));
         let mut loading = None;
         let mut successor = None;
         let mut stopping = false;
@@ -228,7 +213,7 @@ impl RestartLoop {
     async fn give_up(&self, exit: &ScriptExit) {
         let behaviour = self.name();
         let reason = exit.reason;
-        let message = exit.message.as_deref().unwrap_or(reason.sentence());
+        let message = exit.text();
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
         self.context.bus.publish(AgentEvent::GivenUp {
@@ -298,8 +283,8 @@ impl RestartLoop {
                 info!(behaviour, "saved: the new script takes over");
                 Some(loaded)
             }
-            Err(ScriptExit { message, reason }) => {
-                let why = message.as_deref().unwrap_or(reason.sentence());
+            Err(exit) => {
+                let why = exit.text();
                 error!(
                     behaviour,
                     "saved, but cannot be loaded ({meanwhile}): {why}"
@@ -341,29 +326,25 @@ impl RestartLoop {
 
 /// Refuses a text in which the check finds an error.
 fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), ScriptExit> {
-    let Launch {
-        source, options, ..
-    } = launch;
+    let options = &launch.options;
+    let failed = |message| ScriptExit {
+        reason: EndReason::Error,
+        message: Some(message),
+    };
     let errors = match inspector {
         Some(inspector) => inspector
-            .errors(source, options)
-            .map_err(|why| ScriptExit {
-                reason: EndReason::Error,
-                message: Some(format!("{}: cannot be checked: {why}", options.chunk)),
-            })?,
-        None => check::errors(source, options),
+            .errors(&launch.source, options)
+            .map_err(|why| failed(format!("{}: cannot be checked: {why}", options.chunk)))?,
+        None => check::errors(&launch.source, options),
     };
-    errors.first().map_or(Ok(()), |error| {
-        Err(ScriptExit {
-            reason: EndReason::Error,
-            message: Some(error.text()),
-        })
-    })
+    errors
+        .first()
+        .map_or(Ok(()), |error| Err(failed(error.text())))
 }
 
 pub(super) fn report(name: &str, exit: &ScriptExit) {
     let reason = exit.reason;
-    let message = exit.message.as_deref().unwrap_or(reason.sentence());
+    let message = exit.text();
     match reason {
         EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
             error!(behaviour = name, %reason, "{message}");

@@ -11,8 +11,7 @@ use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
 use crate::robot::{
-    BehaviourId, DeclaredParams, Detections, EndReason, ParamChange, ParamValue, Priority,
-    ViewerChannel,
+    BehaviourId, DeclaredParams, Detections, ParamChange, ParamValue, Priority, ViewerChannel,
 };
 use crate::script::{ScriptExit, suggestion};
 
@@ -45,29 +44,11 @@ impl BehaviourSpec {
 
     /// The spec of an existing behaviour: the same text each time.
     pub(super) fn from_behaviour(behaviour: &Behaviour) -> BehaviourSpec {
-        let Behaviour {
-            priority,
-            launch,
-            checked,
-            restart,
-            ..
-        } = behaviour;
-        let priority = *priority;
-        let launch = launch.clone();
-        let checked = *checked;
-        let restart = *restart;
-        BehaviourSpec::new(launch.options.name.clone(), priority, move || {
-            Ok(Behaviour {
-                priority,
-                launch: launch.clone(),
-                checked,
-                restart,
-                reloads: None,
-            })
-        })
+        let first = behaviour.again();
+        let name = first.launch.options.name.clone();
+        BehaviourSpec::new(name, first.priority, move || Ok(first.again()))
     }
 
-    /// The behaviour's name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -116,6 +97,23 @@ pub enum BehaviourState {
 }
 
 /// Why a command is refused or has failed.
+impl BehaviourState {
+    /// The name that pages and programs receive.
+    pub fn name(self) -> &'static str {
+        match self {
+            BehaviourState::Idle => "idle",
+            BehaviourState::Loading => "loading",
+            BehaviourState::Running { .. } => "running",
+            BehaviourState::Ending => "ending",
+        }
+    }
+
+    /// Whether its script runs.
+    pub fn is_running(self) -> bool {
+        matches!(self, BehaviourState::Running { .. })
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
     /// No behaviour has this name.
@@ -173,7 +171,7 @@ pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 pub(super) enum RosterCommand {
     /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
-    Stop(String, EndReason, Reply),
+    Stop(String, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(Reply),
     Restart(String, Reply),
@@ -220,23 +218,16 @@ impl Roster {
         }
     }
 
-    /// Starts a behaviour; returns when its script is loaded and begins.
-    pub async fn start(&self, name: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Start(name.to_owned(), None, reply))
-            .await
-    }
-
-    /// Starts a behaviour, and ends it after it has run for `time_limit`, unless it has ended
-    /// before. A restart resets the time.
-    pub async fn start_for(&self, name: &str, time_limit: Duration) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Start(name.to_owned(), Some(time_limit), reply))
+    /// Starts a behaviour; returns when its script is loaded and begins. It is ended after it has run
+    /// for `time_limit`, unless it has ended before. A restart resets the time.
+    pub async fn start(&self, name: &str, time_limit: Option<Duration>) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::Start(name.to_owned(), time_limit, reply))
             .await
     }
 
     /// Ends a behaviour; returns when it has ended, after its last words. It is not restarted.
     pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
-        let reason = EndReason::Cancelled;
-        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
+        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reply))
             .await
     }
 
@@ -365,7 +356,7 @@ mod tests {
             tokio::spawn(async move {
                 while let Some(command) = commands.recv().await {
                     let text = format!("{command:?}");
-                    let (RosterCommand::Start(_, _, reply) | RosterCommand::Stop(_, _, reply)) =
+                    let (RosterCommand::Start(_, _, reply) | RosterCommand::Stop(_, reply)) =
                         command
                     else {
                         continue;
@@ -389,7 +380,8 @@ mod tests {
             }
         };
         let patient = roster.without_timeout();
-        let (hasty, patient, ()) = tokio::join!(roster.start("go"), patient.start("go"), slow);
+        let (hasty, patient, ()) =
+            tokio::join!(roster.start("go", None), patient.start("go", None), slow);
         assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));
     }
 }

@@ -20,10 +20,11 @@ use tracing::{info, warn};
 use super::restart_loop::{LaunchContext, RestartLoop};
 use super::{AgentError, Behaviour};
 use crate::behaviour::{Launch, Launcher, Library, RestartPolicy};
-use crate::link::{Backoff, LinkError, Options, Session, Supervision};
+use crate::link::{LinkError, Options, Session, Supervision};
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
 };
+use crate::rate_limit::Backoff;
 use crate::robot::channel::{MAX_REQUESTS, Request, Role};
 use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::safety::Rescue;
@@ -96,11 +97,6 @@ impl PilotSetup {
         self.pilot.reactions()
     }
 
-    /// How long a host that does not drive may show no life.
-    pub(super) fn longest_silence(&self) -> Duration {
-        self.settings.limits.host_idle_silence.get()
-    }
-
     /// The runtime on which the pilot will run.
     pub fn core(&self) -> &runtime::Handle {
         &self.core
@@ -114,7 +110,7 @@ impl PilotSetup {
             requests: self.requests(),
             frames: self.frames(),
             stop: watch::channel(None).1,
-            longest_silence: self.longest_silence(),
+            longest_silence: self.settings.limits.host_idle_silence.get(),
             viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
         }
@@ -389,7 +385,8 @@ async fn connect_with_retries(
     seed: u64,
     attempts: &ConnectAttempts,
 ) -> Result<Session, LinkError> {
-    let mut backoff = Backoff::new(&Options::default());
+    let usual = Options::default();
+    let mut backoff = Backoff::new(usual.first_pause, usual.longest_pause);
     let mut rng = StdRng::seed_from_u64(seed);
     let mut logged = String::new();
     loop {

@@ -27,7 +27,7 @@ use crate::config::Effective;
 use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
 use crate::journal::Journal;
 use crate::live::{Live, RunDefinition};
-use crate::mqtt::{Account, Mqtt};
+use crate::mqtt::Account;
 use crate::notify::Notifier;
 use crate::pilot::{DrivingCore, Status};
 use crate::robot::channel::Request;
@@ -92,7 +92,7 @@ pub(super) struct StartedRun {
     pub(super) run: control::Run,
     pub(super) line: StatusLine,
     pub(super) server: io::Result<ControlServer>,
-    pub(super) mqtt: Option<Mqtt>,
+    pub(super) mqtt: Option<crate::side_thread::SideThread>,
     /// Ends with the run.
     _page: Option<Live>,
 }

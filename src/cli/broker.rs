@@ -7,8 +7,9 @@ use super::{Failure, secret};
 use crate::config::Effective;
 use crate::control::Run;
 use crate::files;
-use crate::mqtt::{Account, Mqtt};
+use crate::mqtt::{self, Account};
 use crate::robot::Bus;
+use crate::side_thread::SideThread;
 
 /// Time limit for sending the last words to the broker.
 pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
@@ -60,7 +61,7 @@ pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
 }
 
 /// Starts the broker connection of a run. On an error the run continues without it.
-pub(super) fn start(bus: &Bus, run: &Run, account: Option<Account>) -> Option<Mqtt> {
-    let started = Mqtt::start(bus, run.clone(), account?);
+pub(super) fn start(bus: &Bus, run: &Run, account: Option<Account>) -> Option<SideThread> {
+    let started = mqtt::start(bus, run.clone(), account?);
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }

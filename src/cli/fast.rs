@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::{oneshot, watch};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::sleep;
 
 use super::interrupt::TerminatingSignals;
 use super::live::PageInputs;
@@ -20,7 +20,7 @@ use super::status::StatusLine;
 use super::world::TraceFile;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, ConnectAttempts, Outcome};
-use crate::clock::hours;
+use crate::clock::{every, hours};
 use crate::config::Config;
 use crate::control::{self, SimulatedRobot};
 use crate::journal::{self, SimulationJournal};
@@ -227,8 +227,7 @@ async fn show(
         return std::future::pending().await;
     };
     let mut line = StatusLine::new(names, Some(sim.clone()), ConnectAttempts::default());
-    let mut ticks = interval(STATUS_PERIOD);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = every(STATUS_PERIOD);
     loop {
         ticks.tick().await;
         let newest = *status.borrow();

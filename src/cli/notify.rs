@@ -12,10 +12,8 @@ use super::settings::SettingsArgs;
 use super::{Exit, Failure, broker, print, secret};
 use crate::agent::Bus;
 use crate::config::Effective;
-use crate::mqtt::{PostError, publish};
-use crate::notify::{
-    BrokerMessage, BrokerPublisher, Delivery, Notice, Notifier, Options, Rule, Target, deliver,
-};
+use crate::mqtt::publish;
+use crate::notify::{BrokerPublisher, Delivery, Notice, Notifier, Options, Rule, Target, deliver};
 
 /// Time limit for the last deliveries at the end of a run.
 pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(3);
@@ -123,23 +121,12 @@ fn publisher(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
     }
-    let account = broker::account(settings)?;
-    Ok(account.map(
-        |account| -> Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync> {
-            Arc::new(move |message| {
-                let BrokerMessage {
-                    topic,
-                    payload,
-                    limit,
-                } = message;
-                match publish(&account, &topic, payload, limit) {
-                    Ok(()) => Delivery::Done,
-                    Err(error @ PostError::TooLong) => Delivery::Refused(error.to_string()),
-                    Err(error) => Delivery::Later(error.to_string()),
-                }
-            })
-        },
-    ))
+    let Some(account) = broker::account(settings)? else {
+        return Ok(None);
+    };
+    Ok(Some(Arc::new(move |topic, payload| {
+        publish(&account, topic, payload)
+    })))
 }
 
 /// The secrets of those of these targets that have one, by name.

@@ -23,7 +23,7 @@ use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
 use crate::journal::When;
 use crate::live::RunDefinition;
-use crate::service::{ManagerNotifier, OpenedRecord, RecordFile, Service, View};
+use crate::service::{ManagerNotifier, RecordFile, Service, View};
 use crate::sim::Firmware;
 use crate::vision::Camera;
 
@@ -163,7 +163,7 @@ fn plan_loader(
 struct ServiceParts {
     parts: RunParts,
     clock: Clock,
-    record: OpenedRecord,
+    record: RecordFile,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
     loader: PlanLoader,

@@ -8,13 +8,12 @@ use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
-use tokio::time::{MissedTickBehavior, interval};
 
 use super::status::StatusLine;
 use super::{Console, Exit, Failure};
 use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
-use crate::clock::Clock;
+use crate::clock::{Clock, every};
 use crate::config::Config;
 use crate::control::{self, ControlServer, EmergencyStop};
 use crate::guardian::{self, Guardian, GuardianFiles};
@@ -150,8 +149,7 @@ pub(super) async fn show(
     status: watch::Receiver<Status>,
     console: &Console,
 ) -> Infallible {
-    let mut ticks = interval(STATUS_PERIOD);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = every(STATUS_PERIOD);
     loop {
         ticks.tick().await;
         let newest = *status.borrow();

@@ -30,12 +30,6 @@ impl Span {
         Span(minutes * 60_000)
     }
 
-    /// Creates a span of this duration without fractions of a millisecond, at most a year.
-    pub fn at_most_a_year(duration: Duration) -> Span {
-        let millis = u64::try_from(duration.as_millis());
-        Span(millis.map_or(LONGEST, |millis| millis.min(LONGEST)))
-    }
-
     /// The maximum: a year.
     pub const MAX: Span = Span(LONGEST);
 

@@ -8,14 +8,17 @@ use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
+use serde_json::Value;
 
 use crate::behaviour::{MAX_NAME, NameError, RestartPolicy, name_of};
 use crate::robot::Priority;
 use crate::script::{GivenParam, ParamOrigin, ParamValue};
 use crate::yaml;
 
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+/// An entry of `behaviours:`.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(rename = "Behaviour")]
 pub struct Entry {
     /// The script, relative to the config.
     pub file: PathBuf,
@@ -24,15 +27,20 @@ pub struct Entry {
     pub name: Option<String>,
     /// The behaviour with the highest priority drives [default: 0].
     #[serde(default)]
+    #[schemars(with = "Option<i32>", range(min = -32768, max = 32767))]
     pub priority: Priority,
-    /// Whether it is restarted after a failure [default: never].
+    /// Whether it is restarted after a failure: `never`, `on-failure`, or a table with `policy` and
+    /// its numbers [default: never].
     #[serde(default)]
+    #[schemars(with = "Option<Value>")]
     pub restart: RestartPolicy,
-    /// When `spykee serve` starts it [default: always; asked if it is in the timetable].
+    /// When `spykee serve` starts it: `always`, or only when `asked` [default: always; asked if it
+    /// is in the timetable].
     #[serde(default)]
     pub start: Option<Start>,
-    /// Values of its parameters, by name.
+    /// Values of its parameters, by name: true, false, a number or a text.
     #[serde(default)]
+    #[schemars(with = "Option<BTreeMap<String, Value>>")]
     pub params: BTreeMap<String, ParamValue>,
 }
 

@@ -51,20 +51,12 @@ impl Default for Mqtt {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum MqttError {
-    #[error(
-        "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single slashes in \
-         between, at most {LONGEST_PREFIX} characters"
-    )]
-    Prefix { key: &'static str, prefix: String },
-    #[error("mqtt.password_file needs mqtt.user")]
-    PasswordFile,
-}
-
 impl Mqtt {
     /// Checks the rules that the types of the fields do not enforce.
-    pub fn check(&self) -> Result<(), MqttError> {
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
         for (key, prefix) in [
             ("prefix", &self.prefix),
             ("discovery_prefix", &self.discovery_prefix),
@@ -72,12 +64,14 @@ impl Mqtt {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
             let levels = prefix.split('/').all(|level| !level.is_empty());
             if !levels || prefix.len() > LONGEST_PREFIX || !prefix.chars().all(plain) {
-                let prefix = prefix.clone();
-                return Err(MqttError::Prefix { key, prefix });
+                return Err(format!(
+                    "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single \
+                     slashes in between, at most {LONGEST_PREFIX} characters"
+                ));
             }
         }
         if self.password_file.is_some() && self.user.is_none() {
-            return Err(MqttError::PasswordFile);
+            return Err("mqtt.password_file needs mqtt.user".to_owned());
         }
         Ok(())
     }
@@ -145,8 +139,7 @@ mod tests {
 
     fn checked(text: &str) -> Result<Mqtt, String> {
         let options: Mqtt = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
-        let checked = options.check().map_err(|error| error.to_string());
-        checked.map(|()| options)
+        options.check().map(|()| options)
     }
 
     #[test]

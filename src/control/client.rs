@@ -1,12 +1,12 @@
-//! The client side.
+//! The client side: asks a run by its private socket, or a service by its API.
 
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use axum::body::{Body, to_bytes};
-use axum::http::header::{CONNECTION, CONTENT_TYPE, HOST};
-use axum::http::{Request, StatusCode};
+use axum::http::header::{CONNECTION, HOST};
+use axum::http::{HeaderValue, StatusCode};
 use hyper::client::conn::http1::handshake;
 use hyper_util::rt::TokioIo;
 use serde_json::Value;
@@ -15,10 +15,10 @@ use tokio::time::timeout;
 use tokio_util::task::AbortOnDropHandle;
 
 use super::folder::{Folder, guardian_socket};
-use super::remote::Remote;
 use super::request::RunRequest;
 use super::response::RunResponse;
 use super::run_status::RunStatus;
+use crate::config::ServiceUrl;
 use crate::robot::StopOutcome;
 use crate::{guardian, sanitize};
 
@@ -222,18 +222,13 @@ async fn ask(
 }
 
 async fn ask_socket(stream: UnixStream, request: &RunRequest) -> Result<RunResponse, AskError> {
-    let call = request.to_http();
-    let request = Request::builder()
-        .method(call.method)
-        .uri(call.path)
-        .header(HOST, "localhost")
-        .header(CONTENT_TYPE, call.content_type)
-        .header(CONNECTION, "close")
-        .body(Body::from(call.body))
-        .map_err(io::Error::other)?;
+    let mut request = request.to_http("").map_err(io::Error::other)?;
+    let headers = request.headers_mut();
+    headers.insert(HOST, HeaderValue::from_static("localhost"));
+    headers.insert(CONNECTION, HeaderValue::from_static("close"));
     let (mut sender, connection) = handshake(TokioIo::new(stream)).await?;
     let _connection = AbortOnDropHandle::new(tokio::spawn(connection));
-    let answer = sender.send_request(request).await?;
+    let answer = sender.send_request(request.map(Body::from)).await?;
     let status = answer.status();
     let body = to_bytes(Body::new(answer.into_body()), MAX_ANSWER)
         .await
@@ -305,6 +300,72 @@ impl From<hyper::Error> for AskError {
     }
 }
 
+/// The address of a service, and the token for access to it.
+#[derive(Debug, Clone)]
+pub struct Remote {
+    url: ServiceUrl,
+    token: Option<HeaderValue>,
+}
+
+/// The token is not valid in a header field.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the token contains characters that are not allowed in a token")]
+pub struct TokenError;
+
+impl Remote {
+    /// A service at this address, with this token.
+    ///
+    /// # Errors
+    /// See [`TokenError`].
+    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, TokenError> {
+        let token = token.map(|token| {
+            let field = HeaderValue::from_str(&format!("Bearer {token}"));
+            field.map(|mut field| {
+                field.set_sensitive(true);
+                field
+            })
+        });
+        let token = token.transpose().map_err(|_| TokenError)?;
+        Ok(Remote { url, token })
+    }
+
+    /// The address.
+    pub fn url(&self) -> &ServiceUrl {
+        &self.url
+    }
+
+    /// Sends one request and waits for the answer at most this long. Blocks the calling thread.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<RunResponse, AskError> {
+        let http_request = request.to_http(&self.url.to_string());
+        let mut http_request = http_request.map_err(io::Error::other)?;
+        if let Some(token) = &self.token {
+            http_request
+                .headers_mut()
+                .insert("authorization", token.clone());
+        }
+        let agent: ureq::Agent = ureq::Agent::config_builder()
+            .timeout_global(Some(limit))
+            .http_status_as_error(false)
+            .max_redirects(0)
+            .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
+            .build()
+            .into();
+        let failed = |error: ureq::Error| match error {
+            ureq::Error::Timeout(_) => AskError::TimedOut(limit),
+            ureq::Error::Io(error) => AskError::Io(error),
+            other => AskError::Io(io::Error::other(other)),
+        };
+        let mut answer = agent.run(http_request).map_err(failed)?;
+        let status = answer.status();
+        let body = answer.body_mut().with_config().limit(MAX_ANSWER as u64);
+        let body = body.read_to_vec().map_err(failed)?;
+        parse_answer(status, body)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -342,5 +403,13 @@ mod tests {
             parse(200, r#"{"answer":"dance"}"#),
             Err(AskError::Io(_))
         ));
+    }
+
+    #[test]
+    fn the_token_is_checked_and_never_shown() {
+        let url: ServiceUrl = "http://10.0.0.7:7788".parse().unwrap();
+        let remote = Remote::new(url.clone(), Some("s3cr3t")).unwrap();
+        assert!(!format!("{remote:?}").contains("s3cr3t"));
+        assert_eq!(Remote::new(url, Some("a\nb")).unwrap_err(), TokenError);
     }
 }

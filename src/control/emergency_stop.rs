@@ -7,17 +7,19 @@
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
 
 use rustix::process::{Pid, test_kill_process};
 use tokio::sync::{mpsc, oneshot, watch};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
 use crate::files::Folder;
 use crate::robot::channel::Request;
 use crate::robot::{AgentEvent, Bus, StopKept};
+use crate::side_thread::SideThread;
 
 /// Name of the file. Its presence is the STOP; the text is for people.
 const NAME: &str = ".stop";
@@ -31,8 +33,6 @@ const KEEP_LIMIT: Duration = Duration::from_secs(1);
 const AGAIN: Duration = Duration::from_secs(10);
 /// The same while no STOP holds and nothing has failed.
 const IDLE: Duration = Duration::from_secs(3600);
-/// How often to check at the end whether the thread is done.
-const RECHECK: Duration = Duration::from_millis(10);
 /// Maximum number of waiting jobs. If the disk hangs, more would not help.
 const MAX_JOBS: usize = 8;
 
@@ -48,18 +48,11 @@ pub struct EmergencyStop {
 
 #[derive(Debug, Clone)]
 struct StopFileHandle {
-    jobs: SyncSender<Job>,
+    /// Where the thread is asked to make the file as wanted.
+    jobs: mpsc::Sender<oneshot::Sender<io::Result<()>>>,
     /// Whether the file is there; unknown after an error.
     kept: watch::Receiver<Option<bool>>,
-}
-
-/// Work of the thread.
-#[derive(Debug)]
-enum Job {
-    /// Make the file as wanted.
-    Sync(oneshot::Sender<io::Result<()>>),
-    /// The same, and remove the spare file: the program ends.
-    Close(oneshot::Sender<io::Result<()>>),
+    thread: Option<Arc<SideThread>>,
 }
 
 impl EmergencyStop {
@@ -84,20 +77,16 @@ impl EmergencyStop {
             );
         }
         let on = watch::Sender::new(kept);
-        let (jobs, received) = sync_channel(MAX_JOBS);
+        let (jobs, received) = mpsc::channel(MAX_JOBS);
         let file = StopFile::new(data, &on, kept);
-        let handle = StopFileHandle {
-            jobs,
-            kept: file.kept.subscribe(),
-        };
-        let thread = std::thread::Builder::new().name("stop".into());
-        if let Err(error) = thread.spawn(move || file.follow(&received)) {
-            warn!("STOP will hold in this program only: cannot start its thread: {error}");
-        }
+        let kept = file.kept.subscribe();
+        let thread = SideThread::start("stop", |stop| file.follow(received, stop))
+            .map_err(|error| warn!("STOP will hold in this program only: {error}"));
+        let thread = thread.ok().map(Arc::new);
         EmergencyStop {
             on,
             bus: bus.clone(),
-            file: Some(handle),
+            file: Some(StopFileHandle { jobs, kept, thread }),
         }
     }
 
@@ -211,21 +200,8 @@ impl EmergencyStop {
     /// Waits until the file is as wanted and the spare one is gone, at most this long. Blocks. Call
     /// it when nobody can press STOP any more.
     pub fn finish(&self, limit: Duration) {
-        let Some(file) = &self.file else { return };
-        let end = Instant::now() + limit;
-        let (reply, mut done) = oneshot::channel();
-        let mut job = Some(Job::Close(reply));
-        while Instant::now() < end {
-            if let Some(waiting) = job.take() {
-                match file.jobs.try_send(waiting) {
-                    Ok(()) => {}
-                    Err(TrySendError::Full(waiting)) => job = Some(waiting),
-                    Err(TrySendError::Disconnected(_)) => return,
-                }
-            } else if !matches!(done.try_recv(), Err(oneshot::error::TryRecvError::Empty)) {
-                return;
-            }
-            std::thread::sleep(RECHECK);
+        if let Some(thread) = self.file.as_ref().and_then(|file| file.thread.as_ref()) {
+            thread.finish(limit);
         }
     }
 }
@@ -234,10 +210,10 @@ impl StopFileHandle {
     /// Has the thread make the file as wanted. `None`: the disk does not answer in time.
     async fn sync(&self) -> Option<io::Result<()>> {
         let (reply, done) = oneshot::channel();
-        match self.jobs.try_send(Job::Sync(reply)) {
+        match self.jobs.try_send(reply) {
             Ok(()) => {}
-            Err(TrySendError::Full(_)) => return None,
-            Err(TrySendError::Disconnected(_)) => return Some(Err(no_thread())),
+            Err(mpsc::error::TrySendError::Full(_)) => return None,
+            Err(mpsc::error::TrySendError::Closed(_)) => return Some(Err(no_thread())),
         }
         let done = timeout(KEEP_LIMIT, done).await.ok()?;
         Some(done.unwrap_or_else(|_| Err(no_thread())))
@@ -276,36 +252,40 @@ impl StopFile {
         }
     }
 
-    /// Does the jobs until the last handle is dropped. Retries what has failed, and restores a file
-    /// that another robot's run or tool has removed from a shared folder.
-    fn follow(self, jobs: &Receiver<Job>) {
+    /// Does the jobs until the program ends. Retries what has failed, and restores a file that
+    /// another robot's run or tool has removed from a shared folder.
+    async fn follow(
+        self,
+        mut jobs: mpsc::Receiver<oneshot::Sender<io::Result<()>>>,
+        stop: CancellationToken,
+    ) {
         self.prepare();
         loop {
             let pause = match *self.kept.borrow() {
                 Some(false) => IDLE,
                 _ => AGAIN,
             };
-            match jobs.recv_timeout(pause) {
-                Ok(Job::Sync(reply)) => {
+            tokio::select! {
+                biased;
+                job = jobs.recv() => {
+                    let Some(reply) = job else { break };
                     let _ = reply.send(self.sync());
                     self.prepare();
                 }
-                Ok(Job::Close(reply)) => {
-                    let synced = self.sync();
-                    self.tidy();
-                    let _ = reply.send(synced);
-                    return;
+                () = stop.cancelled() => {
+                    let _ = self.sync();
+                    break;
                 }
-                Err(RecvTimeoutError::Timeout) => {
+                () = sleep(pause) => {
                     // It was logged when it failed first.
                     let _ = self.sync();
                     if !*self.wanted.borrow() {
                         self.prepare();
                     }
                 }
-                Err(RecvTimeoutError::Disconnected) => return self.tidy(),
             }
         }
+        self.tidy();
     }
 
     /// Makes the file as wanted.
@@ -468,7 +448,7 @@ mod tests {
         let stop = EmergencyStop::open(&data, &Bus::default());
         stop.reset("a test", || ()).await.unwrap();
         while !data.exists() {
-            std::thread::sleep(RECHECK);
+            std::thread::yield_now();
         }
         // The spare file may be made meanwhile.
         while std::fs::remove_dir_all(&data).is_err() && data.exists() {}

@@ -1,5 +1,6 @@
-//! The private folder of the sockets: one socket for each run, named after its process ID. Sockets
-//! are addressed through the open folder, since a full path may be too long for a socket address.
+//! The private socket of a run, and the folder of these sockets: one for each run, named after its
+//! process ID. Sockets are addressed through the open folder, since a full path may be too long for
+//! a socket address.
 
 use std::fs::{DirBuilder, Permissions};
 use std::io;
@@ -9,6 +10,10 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, Mode, OFlags, fchmod, fstat, open, unlinkat};
+
+use super::routes::routes;
+use super::run::Run;
+use crate::http;
 
 /// Name of the folder, in the data folder beside those of the behaviours.
 const NAME: &str = ".run";
@@ -72,7 +77,7 @@ impl Folder {
     ///
     /// # Errors
     /// Any error of the system.
-    pub(super) fn bind(&self) -> io::Result<BoundSocket> {
+    fn bind(&self) -> io::Result<ControlServer> {
         let name = name_of(std::process::id());
         self.sweep();
         // Left behind by an earlier process with the same ID.
@@ -82,7 +87,7 @@ impl Folder {
         listener.set_nonblocking(true)?;
         let path = self.path.join(name);
         let new = self.new;
-        Ok(BoundSocket {
+        Ok(ControlServer {
             listener,
             path,
             new,
@@ -146,17 +151,38 @@ fn name_of(pid: u32) -> String {
     format!("{pid}{SUFFIX}")
 }
 
-/// A listening socket. Dropping it removes the socket, and the folders created for it if they are
-/// then empty.
+/// The private socket of a run. Dropping it removes the socket, and the folders created for it if they
+/// are then empty.
 #[derive(Debug)]
-pub(super) struct BoundSocket {
-    pub(super) listener: UnixListener,
+pub struct ControlServer {
+    listener: UnixListener,
     path: PathBuf,
     /// Whether the data folder was created for it.
     new: bool,
 }
 
-impl Drop for BoundSocket {
+impl ControlServer {
+    /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
+    /// core.
+    ///
+    /// # Errors
+    /// Any error of the system; the run then accepts no requests.
+    pub fn open(data: &Path) -> io::Result<ControlServer> {
+        Folder::make(data)?.bind()
+    }
+
+    /// Serves programs of the same user; returns only on an error.
+    ///
+    /// # Errors
+    /// If the socket cannot be served at all.
+    pub async fn serve(self, run: Run) -> io::Result<()> {
+        let listener = tokio::net::UnixListener::from_std(self.listener.try_clone()?)?;
+        http::serve_private(listener, routes(run)).await;
+        Ok(())
+    }
+}
+
+impl Drop for ControlServer {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.path);
         let folders = if self.new { 2 } else { 1 };

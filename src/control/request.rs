@@ -1,7 +1,8 @@
 //! The requests of persons and programs to a run: of the command line, the page, the API and the
 //! broker.
 
-use axum::http::Method;
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{Method, Request};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -226,20 +227,20 @@ impl RunRequest {
         Route::find(&self.fields()[TAG].as_str()?.replace('_', "-"))
     }
 
-    /// The request as HTTP.
-    pub(super) fn to_http(&self) -> Call {
+    /// The request as HTTP, to a service at this URL.
+    pub(super) fn to_http(&self, url: &str) -> axum::http::Result<Request<Vec<u8>>> {
         let mut fields = self.fields();
         fields.remove(TAG);
         fields.retain(|_, value| !value.is_null());
         let route = self.route();
         let method = route.map_or(Method::POST, Route::method);
-        let mut path = format!("/api/{}", route.map_or("", |route| route.name));
+        let mut uri = format!("{url}/api/{}", route.map_or("", |route| route.name));
         if method == Method::GET {
             let mut separator = '?';
             for (field, value) in &fields {
                 let value = value.to_string();
                 let value = utf8_percent_encode(&value, NON_ALPHANUMERIC);
-                path.push_str(&format!("{separator}{field}={value}"));
+                uri.push_str(&format!("{separator}{field}={value}"));
                 separator = '&';
             }
         }
@@ -248,23 +249,9 @@ impl RunRequest {
             _ if method == Method::GET => ("application/json", vec![]),
             _ => ("application/json", Value::Object(fields).to_string().into()),
         };
-        Call {
-            method,
-            path,
-            content_type,
-            body,
-        }
+        let request = Request::builder().method(method).uri(uri);
+        request.header(CONTENT_TYPE, content_type).body(body)
     }
-}
-
-/// A request as HTTP.
-#[derive(Debug)]
-pub(super) struct Call {
-    pub(super) method: Method,
-    /// With the query.
-    pub(super) path: String,
-    pub(super) content_type: &'static str,
-    pub(super) body: Vec<u8>,
 }
 
 /// The request in words, for the log: JSON without what is long.
@@ -279,7 +266,6 @@ impl std::fmt::Display for RunRequest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     fn all() -> Vec<RunRequest> {
         let name = || "a/../b?c".to_owned();
@@ -309,7 +295,7 @@ mod tests {
             RunRequest::Behaviour {
                 name: name(),
                 change: Change::Start,
-                lasts: Some(Span::at_most_a_year(Duration::from_secs(90))),
+                lasts: Some("90s".parse().unwrap()),
             },
             RunRequest::Param {
                 name: name(),
@@ -336,12 +322,12 @@ mod tests {
 
     #[test]
     fn a_name_is_in_the_body_and_a_number_in_the_query() {
-        let start = all()[12].to_http();
-        assert_eq!(start.path, "/api/behaviour");
+        let http = |number: usize| all()[number].to_http("").unwrap();
+        assert_eq!(http(12).uri(), "/api/behaviour");
         let body = r#"{"change":"start","for":"1m30s","name":"a/../b?c"}"#;
-        assert_eq!(String::from_utf8(start.body).unwrap(), body);
-        assert_eq!(all()[2].to_http().path, "/api/picture?seconds=7");
-        assert_eq!(all()[0].to_http().path, "/api/status");
+        assert_eq!(String::from_utf8(http(12).into_body()).unwrap(), body);
+        assert_eq!(http(2).uri(), "/api/picture?seconds=7");
+        assert_eq!(http(0).uri(), "/api/status");
     }
 
     #[test]

@@ -12,7 +12,7 @@ use tracing::info;
 use super::emergency_stop::EmergencyStop;
 use super::request::{Change, RunRequest};
 use super::response::RunResponse;
-use super::run_status::{self, BehaviourListing, RunStatus, Start};
+use super::run_status::{self, BehaviourListing, RunStatus};
 use super::world_change::SimulatedRobot;
 use crate::agent::{PilotClient, PilotClientError, Roster, RosterError};
 use crate::clock::Span;
@@ -230,17 +230,15 @@ impl Run {
         if change != Change::Stop && self.emergency_stop.is_on() {
             return RunResponse::refused(STOP_HOLDS);
         }
-        RunResponse::from_result(match (change, lasts) {
-            (Change::Start, None) => self.roster.start(name).await,
-            (Change::Start, Some(lasts)) if !lasts.get().is_zero() => {
-                self.roster.start_for(name, lasts.get()).await
-            }
-            (_, Some(_)) => {
-                let why = "`for` is allowed only with `start`, and must be above zero";
-                return RunResponse::refused(why);
-            }
-            (Change::Stop, None) => self.roster.stop(name).await,
-            (Change::Restart, None) => self.roster.restart(name).await,
+        let lasts = lasts.map(Span::get);
+        if lasts.is_some_and(|lasts| change != Change::Start || lasts.is_zero()) {
+            let why = "`for` is allowed only with `start`, and must be above zero";
+            return RunResponse::refused(why);
+        }
+        RunResponse::from_result(match change {
+            Change::Start => self.roster.start(name, lasts).await,
+            Change::Stop => self.roster.stop(name).await,
+            Change::Restart => self.roster.restart(name).await,
         })
     }
 
@@ -432,27 +430,22 @@ impl Run {
             sounds: status.actuators.sounds,
             robot: running.robot,
             behaviours: running.behaviours,
-            next: Start::next(&view),
+            next: view.next.clone(),
             quiet: view.quiet,
         }
     }
 
     /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
     pub async fn running_behaviours(&self) -> Option<RunningBehaviours> {
-        timeout(RUNNING_TIMEOUT, self.query_running())
-            .await
-            .ok()
-            .flatten()
-    }
-
-    async fn query_running(&self) -> Option<RunningBehaviours> {
         let (sender, reply) = oneshot::channel();
-        self.requests.send(Request::Running(sender)).await.ok()?;
-        reply.await.ok()
+        let query = async {
+            self.requests.send(Request::Running(sender)).await.ok()?;
+            reply.await.ok()
+        };
+        timeout(RUNNING_TIMEOUT, query).await.ok()?
     }
 }
 
-/// The timeout asked for, at least one second and at most `most` seconds.
 fn time_limit(seconds: Option<u64>, usual: u64, most: u64) -> Duration {
     Duration::from_secs(seconds.unwrap_or(usual).clamp(1, most))
 }

@@ -1,7 +1,6 @@
 //! The state of a run: the output of `spykee status --json`, the answer of `/api/status`, and what
 //! the page shows.
 
-use jiff::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +10,7 @@ use crate::pilot::Status;
 use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, EndReason, Priority, RobotInfo, StopConfirmation, WatchdogState};
 use crate::safety::DockState;
-use crate::timetable::View;
+use crate::timetable::NextStart;
 
 /// The state of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -59,7 +58,7 @@ pub struct RunStatus {
     /// The running behaviours.
     pub behaviours: Vec<RunningBehaviour>,
     /// The next start of the timetable, if there is one.
-    pub next: Option<Start>,
+    pub next: Option<NextStart>,
     /// Whether it is a quiet hour.
     pub quiet: bool,
 }
@@ -80,28 +79,6 @@ impl From<Delays> for DelayReport {
             robot: rounded(delays.robot.as_secs_f64()),
             network: rounded(delays.network.as_secs_f64()),
         }
-    }
-}
-
-/// A start of the timetable.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Start {
-    /// The time in UTC, in RFC 3339 format: `2026-05-04T07:00:00Z`.
-    #[schemars(with = "String", extend("format" = "date-time"))]
-    pub at: Timestamp,
-    /// The behaviour.
-    pub behaviour: String,
-}
-
-impl Start {
-    /// The next start in this view, if there is one.
-    pub fn next(view: &View) -> Option<Start> {
-        let (at, behaviour) = view.next.as_ref()?;
-        Some(Start {
-            // Whole seconds.
-            at: Timestamp::from_second(at.as_second()).unwrap_or(*at),
-            behaviour: behaviour.clone(),
-        })
     }
 }
 
@@ -134,30 +111,21 @@ pub struct Exit {
 impl BehaviourListing {
     /// The listing of a behaviour at this time of its run's clock.
     pub fn new(behaviour_status: &BehaviourStatus, now: tokio::time::Instant) -> BehaviourListing {
-        let state = match behaviour_status.state {
-            BehaviourState::Idle => "idle",
-            BehaviourState::Loading => "loading",
-            BehaviourState::Running { .. } => "running",
-            BehaviourState::Ending => "ending",
-        };
         let running = match behaviour_status.state {
             BehaviourState::Running { since, .. } => {
                 Some(now.saturating_duration_since(since).as_secs())
             }
             _ => None,
         };
-        let exit = behaviour_status.exit.as_ref().map(|exit| {
-            let text = exit.message.as_deref();
-            Exit {
-                reason: exit.reason,
-                text: text.unwrap_or(exit.reason.sentence()).to_owned(),
-                line: None,
-            }
+        let exit = behaviour_status.exit.as_ref().map(|exit| Exit {
+            reason: exit.reason,
+            text: exit.text().to_owned(),
+            line: None,
         });
         BehaviourListing {
             name: behaviour_status.name.clone(),
             priority: behaviour_status.priority,
-            state: state.to_owned(),
+            state: behaviour_status.state.name().to_owned(),
             running,
             exit,
         }

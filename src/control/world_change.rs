@@ -106,25 +106,12 @@ pub enum WorldChange {
     },
 }
 
-/// Why the simulation cannot be changed.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum WorldChangeError {
-    #[error("{0} is out of range")]
-    Range(&'static str),
-    #[error("the speed is out of range: 1 to 100")]
-    Speed,
-    #[error("this simulation runs in real time; start it with --fast to control its clock")]
-    NoSimClock,
-    #[error("{0}")]
-    Fault(String),
-}
-
 impl WorldChange {
     /// Makes the change.
     ///
     /// # Errors
-    /// A value out of range, or a clock that cannot be controlled.
-    pub(super) fn apply(self, simulation: &SimulatedRobot) -> Result<(), WorldChangeError> {
+    /// A value out of range, or a clock that cannot be controlled; in words.
+    pub(super) fn apply(self, simulation: &SimulatedRobot) -> Result<(), String> {
         let sim = &simulation.robot;
         match self {
             WorldChange::Place { x, y, heading } => {
@@ -161,7 +148,7 @@ impl WorldChange {
             WorldChange::Pause { paused } => sim_clock(simulation)?.pause(paused),
             WorldChange::Step => sim_clock(simulation)?.step(),
             WorldChange::Speed { factor } => {
-                let factor = TimeScale::new(factor).ok_or(WorldChangeError::Speed)?;
+                let factor = TimeScale::new(factor).ok_or("the speed is out of range: 1 to 100")?;
                 sim_clock(simulation)?.set_time_scale(factor);
             }
         }
@@ -169,26 +156,23 @@ impl WorldChange {
     }
 }
 
-fn sim_clock(simulation: &SimulatedRobot) -> Result<&SimClock, WorldChangeError> {
-    simulation
-        .sim_clock
-        .as_ref()
-        .ok_or(WorldChangeError::NoSimClock)
+fn sim_clock(simulation: &SimulatedRobot) -> Result<&SimClock, String> {
+    let real = "this simulation runs in real time; start it with --fast to control its clock";
+    simulation.sim_clock.as_ref().ok_or(real.to_owned())
 }
 
-fn within(is: bool, what: &'static str) -> Result<(), WorldChangeError> {
+fn within(is: bool, what: &str) -> Result<(), String> {
     if is {
         Ok(())
     } else {
-        Err(WorldChangeError::Range(what))
+        Err(format!("{what} is out of range"))
     }
 }
 
 /// Starts a fault, given as in the YAML of `spykee sim --faults`, of which JSON is a subset.
-fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), WorldChangeError> {
+fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), String> {
     let list = json!({ "faults": [fault] }).to_string();
-    let faults = Fault::list_from_yaml(&list, "fault")
-        .map_err(|error| WorldChangeError::Fault(error.into_message()))?;
+    let faults = Fault::list_from_yaml(&list, "fault").map_err(|error| error.into_message())?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }

@@ -6,13 +6,18 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use axum::Json;
+use axum::extract::FromRequestParts;
+use axum::http::StatusCode;
+use axum::http::request::Parts;
+use axum::response::{IntoResponse, Response};
 use tokio::sync::watch;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::Instant;
 
 use super::Options;
-use super::keyring::{Keyring, KeyringError, Role};
+use super::keyring::{Key, Keyring, KeyringError, Role};
 use super::origin_check::{Names, OriginHeaders, Reason};
-use super::visitor::Visitor;
+use crate::clock::every;
 
 /// How often the tokens are read again.
 const REREAD: Duration = Duration::from_secs(1);
@@ -115,8 +120,7 @@ impl Access {
     /// Reads the tokens again and again, so that a new or a revoked one counts within a
     /// second, and logs wrong ones. Never returns.
     pub async fn follow_tokens(self: Arc<Access>) {
-        let mut beat = interval(REREAD);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut beat = every(REREAD);
         let mut trouble = None;
         let mut logged: Option<Instant> = None;
         loop {
@@ -161,6 +165,95 @@ impl Access {
     fn take_wrong(&self) -> Option<(u64, IpAddr)> {
         let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
         wrong.take()
+    }
+}
+
+/// A visitor with access.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Visitor {
+    /// The visitor's role.
+    pub role: Role,
+    /// The token used; `None` if none is needed.
+    pub key: Option<Key>,
+    /// The user ID of a program on this computer that uses the private socket.
+    pub user: Option<u32>,
+}
+
+impl Visitor {
+    /// A program of this user on this computer: what it may do to the process it may do here.
+    pub(super) fn local(user: u32) -> Visitor {
+        Visitor {
+            role: Role::Driver,
+            key: None,
+            user: Some(user),
+        }
+    }
+
+    /// Whether the visitor may do what needs this role.
+    ///
+    /// # Errors
+    /// The refusal.
+    pub fn require(&self, role: Role) -> Result<(), Refusal> {
+        if role == Role::Driver && self.role != Role::Driver {
+            let why = "viewers may only watch and stop the robot";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, why));
+        }
+        Ok(())
+    }
+
+    /// Who this is, for the journal; `way` is what a visitor from the network uses.
+    pub fn describe(&self, way: &str) -> String {
+        match (self.user, &self.key) {
+            (Some(user), _) => format!("the command line, user ID {user}"),
+            (None, Some(key)) => format!("{way}, token {}", key.name),
+            (None, None) => format!("{way}, without a token"),
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Identity(pub(super) Option<Visitor>);
+
+impl<S: Sync> FromRequestParts<S> for Visitor {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Visitor, Refusal> {
+        match parts.extensions.get::<Identity>() {
+            Some(Identity(Some(visitor))) => Ok(visitor.clone()),
+            _ => {
+                let why = "log in first, or send a token";
+                Err(Refusal::new(StatusCode::UNAUTHORIZED, why))
+            }
+        }
+    }
+}
+
+/// Why a request is refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{error}")]
+pub struct Refusal {
+    status: StatusCode,
+    error: String,
+}
+
+impl Refusal {
+    /// Creates a refusal with a sentence for people.
+    pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
+        Refusal {
+            status,
+            error: error.into(),
+        }
+    }
+
+    pub(super) fn wrong_token() -> Refusal {
+        Refusal::new(StatusCode::UNAUTHORIZED, "wrong token")
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let body = serde_json::json!({ "error": self.error });
+        (self.status, Json(body)).into_response()
     }
 }
 

@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio_util::sync::CancellationToken;
 
+use super::access::Visitor;
 use super::keyring::Role;
-use super::visitor::Visitor;
 
 /// Maximum number of connections in a lane, and of one owner's.
 const MAX_IN_LANE: usize = 96;

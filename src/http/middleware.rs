@@ -1,26 +1,30 @@
 //! The middleware that every request passes: the check of its origin before it is served, the
-//! response headers after.
+//! response headers after. And logging in and out: the page sends the token of a link, once; from
+//! then on the browser sends it as a cookie that no script can read.
 
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Extension;
 use axum::body::Body;
-use axum::extract::{ConnectInfo, Request, State};
+use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
 use axum::http::{Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Extension, Json, Router};
 use futures_util::StreamExt as _;
 use futures_util::stream::unfold;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::time::{Instant, timeout_at};
 
-use super::access::Access;
+use super::access::{Access, Identity, Refusal, Visitor};
 use super::connections::Place;
+use super::keyring::Role;
 use super::origin_check::{OriginHeaders, Reason};
-use super::visitor::{Identity, Refusal, Visitor};
 
 /// Timeout for the body of a request.
 const BODY: Duration = Duration::from_secs(15);
@@ -170,6 +174,85 @@ fn with_response_headers(mut response: Response) -> Response {
     }
     if !switches {
         headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
+    }
+    response
+}
+
+/// Maximum length of a request body with a token, in bytes.
+const MAX_BODY: usize = 8 * 1024;
+/// How long a browser keeps the cookie, in seconds: 400 days, the longest that browsers allow.
+/// Revoking the token ends it earlier.
+const COOKIE_AGE: u32 = 400 * 24 * 60 * 60;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Credentials {
+    token: String,
+}
+
+/// The visitor's role, and whether a login is needed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Me {
+    /// The visitor's role; null: a login is required.
+    pub role: Option<Role>,
+    /// Whether no login is needed.
+    pub open: bool,
+}
+
+/// Returns the routes `/api/me`, `/api/login` and `/api/logout`.
+pub fn routes(access: Arc<Access>) -> Router {
+    Router::new()
+        .route("/api/me", get(me))
+        .route("/api/login", post(log_in))
+        .route(
+            "/api/logout",
+            post(async || with_cookie(().into_response(), "", 0, false)),
+        )
+        .layer(DefaultBodyLimit::max(MAX_BODY))
+        .with_state(access)
+}
+
+async fn me(
+    State(access): State<Arc<Access>>,
+    Extension(Identity(visitor)): Extension<Identity>,
+) -> Json<Me> {
+    Json(Me {
+        role: visitor.map(|visitor| visitor.role),
+        open: access.is_open(),
+    })
+}
+
+async fn log_in(
+    State(access): State<Arc<Access>>,
+    ConnectInfo(from): ConnectInfo<SocketAddr>,
+    headers: HeaderMap,
+    Json(Credentials { token }): Json<Credentials>,
+) -> Result<Response, Refusal> {
+    let visitor = access.visitor_of_token(&token, from.ip());
+    let role = visitor.ok_or_else(Refusal::wrong_token)?.role;
+    tracing::info!(from = %from.ip(), role = role.name(), "a visitor logs in to the page");
+    let me = Me {
+        role: Some(role),
+        open: false,
+    };
+    // With an origin of https, the page is behind a TLS proxy.
+    let origin = headers.get(header::ORIGIN);
+    let secure = origin.is_some_and(|origin| origin.as_bytes().starts_with(b"https://"));
+    Ok(with_cookie(
+        Json(me).into_response(),
+        &token,
+        COOKIE_AGE,
+        secure,
+    ))
+}
+
+fn with_cookie(mut response: Response, token: &str, age: u32, secure: bool) -> Response {
+    let secure = if secure { "; Secure" } else { "" };
+    let cookie =
+        format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/; Max-Age={age}{secure}");
+    // Always a valid header value: a token of ours consists of letters and digits.
+    if let Ok(cookie) = HeaderValue::from_str(&cookie) {
+        response.headers_mut().insert(header::SET_COOKIE, cookie);
     }
     response
 }

@@ -8,8 +8,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior, params};
 
-use super::error::{FREE, JournalError};
 use super::pending::{Content, Row};
+use super::{FREE, JournalError};
 use super::{Options, RunInfo, schema};
 use crate::files::Folder;
 

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use rusqlite::{Connection, OpenFlags, params_from_iter};
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use serde_json::{Map, Value, json};
 
+use super::JournalError;
 use super::database::{FILE, folder};
-use super::error::JournalError;
 use super::schema;
 
 /// How long a reader waits for a writer.
@@ -19,7 +19,6 @@ const BUSY: Duration = Duration::from_secs(5);
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Record {
     /// The time; in JSON as RFC 3339 in UTC.
-    #[serde(serialize_with = "rfc3339")]
     pub at: Timestamp,
     /// The number of the agent's session; pairs the start of a run with its end.
     pub session: i64,
@@ -29,10 +28,6 @@ pub struct Record {
     /// level is `battery`; `lost` means that `count` events could not be written.
     #[serde(flatten)]
     pub data: Map<String, Value>,
-}
-
-fn rfc3339<S: Serializer>(at: &Timestamp, to: S) -> Result<S::Ok, S::Error> {
-    to.collect_str(at)
 }
 
 impl Record {

@@ -3,19 +3,20 @@
 //! counted. A process that is killed loses the events of its last half second.
 
 mod database;
-mod error;
 mod history;
 mod pending;
 mod recorder;
 mod schema;
 
+use std::io;
+
+use rusqlite::ErrorCode;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::whole_within;
 
 pub use database::{folder, journal_file};
-pub use error::JournalError;
 pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
 pub use recorder::{Journal, SimulationJournal};
 
@@ -69,4 +70,49 @@ pub struct RunInfo {
 
 fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
     whole_within(from, "a whole number of days, 1 to 36500", 1..=36_500)
+}
+
+/// Bytes of the disk that must stay free: below that nothing is written.
+const FREE: u64 = 16 << 20;
+
+/// Why a journal cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    #[error("{path}: {source}")]
+    Io { path: String, source: io::Error },
+    #[error("{0}")]
+    Sql(#[from] rusqlite::Error),
+    #[error("a newer spykee has written it (version {found}; this one knows {known})")]
+    Newer {
+        found: usize,
+        /// The newest version that this program knows.
+        known: usize,
+    },
+    /// Its tables differ from those that this program creates: the file belongs to another program,
+    /// or another program has changed it.
+    #[error("its tables are not those of a journal")]
+    Foreign,
+    #[error("the disk has less than {FREE} bytes left")]
+    Disk,
+}
+
+impl JournalError {
+    /// Whether the file is not, or no longer, a journal.
+    fn is_damage(&self) -> bool {
+        match self {
+            JournalError::Foreign => true,
+            JournalError::Sql(error) => matches!(
+                error.sqlite_error_code(),
+                Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+            ),
+            _ => false,
+        }
+    }
+
+    fn is_full(&self) -> bool {
+        let JournalError::Sql(error) = self else {
+            return false;
+        };
+        error.sqlite_error_code() == Some(ErrorCode::DiskFull)
+    }
 }

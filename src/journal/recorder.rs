@@ -2,23 +2,22 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc;
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use tokio::runtime::Builder;
-use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info, warn};
 
+use super::JournalError;
 use super::database::Database;
-use super::error::JournalError;
 use super::pending::Pending;
 use super::{Options, RunInfo};
 use crate::clock::{Clock, until};
 use crate::rate_limit::Repeats;
 use crate::robot::{Bus, BusMessage, Listener};
+use crate::side_thread::SideThread;
 
 /// How often rows that are too old are deleted.
 const CLEANUP_INTERVAL: Duration = Duration::from_secs(3600);
@@ -28,10 +27,7 @@ const REPORT_INTERVAL: Duration = Duration::from_secs(600);
 /// A journal that is being written. Dropping it tells its thread to write the waiting rows and to
 /// end; [`Journal::finish`] waits for that.
 #[derive(Debug)]
-pub struct Journal {
-    stop: CancellationToken,
-    ended: mpsc::Receiver<()>,
-}
+pub struct Journal(SideThread);
 
 impl Journal {
     /// Records the bus's events from now on in this data folder, with the time of this clock. Does
@@ -46,40 +42,20 @@ impl Journal {
         options: Options,
         about: RunInfo,
         clock: Clock,
-    ) -> Result<Journal, JournalError> {
-        let stop = CancellationToken::new();
-        let (alive, ended) = mpsc::sync_channel::<()>(1);
+    ) -> io::Result<Journal> {
         let listener = bus.subscribe();
-        let stopped = stop.clone();
-        let runtime = Builder::new_current_thread().enable_time().build();
-        let runtime = runtime.map_err(JournalError::Thread)?;
         let recorder = Recorder::new(data, options, about, clock);
-        let life = move || {
-            runtime.block_on(recorder.run(listener, stopped));
-            drop(alive);
-        };
-        let thread = std::thread::Builder::new().name("journal".into());
-        thread.spawn(life).map_err(JournalError::Thread)?;
-        Ok(Journal { stop, ended })
+        SideThread::start("journal", |stop| recorder.run(listener, stop)).map(Journal)
     }
 
     /// Waits at most this long until all events on the bus are written and the file is closed.
     /// Returns whether that is done.
     pub fn finish(self, limit: Duration) -> bool {
-        self.stop.cancel();
-        // Returns when the thread has dropped its end; nothing is ever sent.
-        let ended = self.ended.recv_timeout(limit);
-        let done = ended == Err(mpsc::RecvTimeoutError::Disconnected);
+        let done = self.0.finish(limit);
         if !done {
             warn!("the end of the journal was not written: its disk is too slow");
         }
         done
-    }
-}
-
-impl Drop for Journal {
-    fn drop(&mut self) {
-        self.stop.cancel();
     }
 }
 
@@ -172,10 +148,9 @@ impl Recorder {
                     self.set_aside(&error);
                 }
                 self.pending.failed(now);
-                let (rows, lost) = self.pending.rows();
-                let waiting = rows.len();
-                let report = self.reports.record((), now);
-                if report.is_some() {
+                if self.reports.record((), now).is_some() {
+                    let (rows, lost) = self.pending.rows();
+                    let waiting = rows.len();
                     warn!(waiting, lost, "the journal cannot be written: {error}");
                 }
             }
@@ -209,23 +184,17 @@ impl Recorder {
                     "the journal is damaged ({error}); it is kept as {aside}, and a new one is created"
                 )
             }
-            Err(why) => self.report_rename_failure(why),
-        }
-    }
-
-    fn report_rename_failure(&mut self, why: io::Error) {
-        if self.reports.record((), Instant::now()).is_some() {
-            warn!("the damaged journal cannot be renamed: {why}");
+            Err(why) if self.reports.record((), Instant::now()).is_some() => {
+                warn!("the damaged journal cannot be renamed: {why}");
+            }
+            Err(_) => {}
         }
     }
 
     fn delete_old(&mut self) {
         let now = self.clock.now();
-        match self
-            .database
-            .as_mut()
-            .map(|database| database.delete_old(now))
-        {
+        let database = self.database.as_mut();
+        match database.map(|database| database.delete_old(now)) {
             Some(Ok(gone)) if gone > 0 => {
                 info!(gone, "the oldest rows of the journal were deleted")
             }
@@ -257,7 +226,7 @@ impl Recorder {
 #[derive(Debug)]
 pub struct SimulationJournal {
     stop: CancellationToken,
-    task: JoinHandle<()>,
+    task: AbortOnDropHandle<()>,
 }
 
 impl SimulationJournal {
@@ -267,19 +236,16 @@ impl SimulationJournal {
         let stop = CancellationToken::new();
         let recorder = Recorder::new(data, options, about, Clock::default());
         let task = tokio::spawn(recorder.run(bus.subscribe(), stop.clone()));
-        SimulationJournal { stop, task }
+        SimulationJournal {
+            stop,
+            task: AbortOnDropHandle::new(task),
+        }
     }
 
     /// Waits until all events on the bus are written and the file is closed.
-    pub async fn finish(mut self) {
+    pub async fn finish(self) {
         self.stop.cancel();
         // A panic of the task was already reported.
-        let _ = (&mut self.task).await;
-    }
-}
-
-impl Drop for SimulationJournal {
-    fn drop(&mut self) {
-        self.task.abort();
+        let _ = self.task.await;
     }
 }

@@ -3,7 +3,7 @@
 
 use rusqlite::{Connection, TransactionBehavior};
 
-use super::error::JournalError;
+use super::JournalError;
 
 /// One migration step for each version, never changed once it is released.
 const STEPS: &[&str] = &[

@@ -8,8 +8,9 @@ use std::time::Duration;
 
 use serde::Serialize;
 use tokio::net::UdpSocket;
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+use tokio::time::{Instant, sleep_until};
 
+use crate::clock::every;
 use crate::wire::PORT;
 use crate::wire::discovery::{MAX_REPLY_LEN, REQUEST, Reply};
 
@@ -96,8 +97,7 @@ async fn question(
 ) -> io::Result<()> {
     let end = Instant::now() + timeout;
     let socket = socket_for(targets).await?;
-    let mut ticker = interval(REPEAT);
-    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticker = every(REPEAT);
     loop {
         tokio::select! {
             biased;

@@ -12,7 +12,7 @@ mod target;
 mod writer;
 
 pub use error::LinkError;
-pub use options::{Backoff, Options};
+pub use options::Options;
 pub use pace::{Delays, Executes};
 pub use reader::{Incoming, Reader};
 pub use session::{

@@ -2,6 +2,7 @@
 //! requests to the run are those of [`control`](crate::control).
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use axum::extract::{Path, Query, State, WebSocketUpgrade};
 use axum::http::{StatusCode, header};
@@ -9,16 +10,18 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use axum::{Json, Router};
 use jiff::Timestamp;
-use schemars::generate::SchemaGenerator;
+use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use super::broadcast::Broadcast;
 use super::history::{self, History};
 use super::scripts::{self, Text};
 use super::viewer::Viewer;
-use super::{connection, messages, openapi};
-use crate::http::{Me, Refusal, Visitor};
+use super::{connection, messages};
+use crate::control;
+use crate::http::{Me, Refusal, Role, Visitor};
 use crate::pilot::LinkState;
 
 /// Maximum number of days of history in one response.
@@ -37,101 +40,99 @@ struct Health {
 }
 
 /// What a path gives.
-pub(super) enum Gives {
+enum Gives {
     Json(fn(&mut SchemaGenerator) -> Schema),
     Kind(&'static str),
 }
 
 /// One path of the interface.
-pub(super) struct Get {
-    pub(super) path: &'static str,
-    pub(super) summary: &'static str,
+struct Get {
+    path: &'static str,
+    summary: &'static str,
     /// Whether the visitor must be known.
-    pub(super) private: bool,
-    pub(super) gives: Gives,
+    private: bool,
+    gives: Gives,
+    /// Without one, it is served with the login.
     handler: Option<MethodRouter<Arc<Broadcast>>>,
 }
 
+fn schema_of<T: JsonSchema>() -> Gives {
+    Gives::Json(SchemaGenerator::subschema_for::<T>)
+}
+
 impl Get {
-    fn new(path: &'static str, summary: &'static str, gives: Gives) -> Get {
+    /// A path for known visitors.
+    fn new(
+        path: &'static str,
+        summary: &'static str,
+        gives: Gives,
+        handler: MethodRouter<Arc<Broadcast>>,
+    ) -> Get {
         Get {
             path,
             summary,
             private: true,
             gives,
-            handler: None,
-        }
-    }
-
-    fn public(self) -> Get {
-        Get {
-            private: false,
-            ..self
-        }
-    }
-
-    fn served_by(self, handler: MethodRouter<Arc<Broadcast>>) -> Get {
-        Get {
             handler: Some(handler),
-            ..self
         }
     }
-}
-
-fn json<T: JsonSchema>() -> Gives {
-    Gives::Json(SchemaGenerator::subschema_for::<T>)
 }
 
 /// Everything that programs can read here, the requests apart.
-pub(super) fn gets() -> Vec<Get> {
-    vec![
-        Get::new(
-            "/healthz",
-            "Whether the program and the robot are up.",
-            json::<Health>(),
-        )
-        .public()
-        .served_by(get(healthz)),
-        // Served with the login.
-        Get::new("/api/me", "Role of the caller.", json::<Me>()).public(),
+fn gets() -> [Get; 7] {
+    let health = "Whether the program and the robot are up.";
+    let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
+                 with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
+    let open_metrics = Gives::Kind("application/openmetrics-text");
+    [
+        Get {
+            private: false,
+            ..Get::new("/healthz", health, schema_of::<Health>(), get(healthz))
+        },
+        Get {
+            path: "/api/me",
+            summary: "Role of the caller.",
+            private: false,
+            gives: schema_of::<Me>(),
+            handler: None,
+        },
         Get::new(
             "/metrics",
             "Metrics for Prometheus.",
-            Gives::Kind("application/openmetrics-text"),
-        )
-        .served_by(get(metrics)),
+            open_metrics,
+            get(metrics),
+        ),
         Get::new(
             "/api/behaviours/{name}/script",
             "The text of a behaviour's script.",
-            json::<Text>(),
-        )
-        .served_by(get(script)),
+            schema_of::<Text>(),
+            get(script),
+        ),
         Get::new(
             "/api/behaviours/{name}/pictures/{file}",
             "A picture that a behaviour has saved.",
             Gives::Kind("image/jpeg"),
-        )
-        .served_by(get(saved_picture)),
+            get(saved_picture),
+        ),
         Get::new(
             "/api/history",
-            "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
-             with `?days=7`, at most 366 days; and the newest events. Null without a journal.",
-            json::<Option<History>>(),
-        )
-        .served_by(get(history)),
+            parts,
+            schema_of::<Option<History>>(),
+            get(history),
+        ),
         Get::new(
             "/api/schedule",
             "The next starts of a service's timetable; null without one.",
-            json::<Option<Vec<history::ScheduledStart>>>(),
-        )
-        .served_by(get(schedule)),
+            schema_of::<Option<Vec<history::ScheduledStart>>>(),
+            get(schedule),
+        ),
     ]
 }
 
 pub(super) fn routes(broadcast: Arc<Broadcast>) -> Router {
     let own = Router::new()
         .route("/live", get(live))
-        .route("/api/openapi.json", get(async || Json(openapi::document())))
+        .route("/api/openapi.json", get(async || Json(openapi())))
         .route("/api/messages.json", get(async || Json(messages::schema())));
     let add = |router: Router<Arc<Broadcast>>, get: Get| match get.handler {
         Some(handler) => router.route(get.path, handler),
@@ -156,7 +157,7 @@ async fn metrics(State(broadcast): Shared, _: Visitor) -> impl IntoResponse {
     let text = broadcast.metrics.text(
         &broadcast.run,
         broadcast.viewer_count(),
-        broadcast.camera.bytes(),
+        broadcast.camera.bytes.load(Ordering::Relaxed),
     );
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     ([(header::CONTENT_TYPE, kind)], text)
@@ -209,7 +210,8 @@ async fn history(
     Query(asked): Query<Days>,
 ) -> Reply<Option<History>> {
     let days = asked.days.unwrap_or(1).clamp(1, MAX_DAYS);
-    let running = broadcast.running_behaviours();
+    let running = broadcast.running_behaviours().into_iter();
+    let running: Vec<String> = running.map(|one| one.name).collect();
     let history =
         move |data: &std::path::Path| history::read(data, days, Timestamp::now(), &running);
     let history = read(&broadcast, history).await?;
@@ -247,4 +249,108 @@ async fn saved_picture(
     let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no such picture");
     let jpeg = found.ok_or_else(unknown)?;
     Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
+}
+
+/// The description of the HTTP interface for programs (OpenAPI 3.1), from the tables of what is
+/// served and from the types.
+fn openapi() -> Value {
+    let settings = SchemaSettings::draft2020_12().with(|settings| {
+        settings.definitions_path = "/components/schemas".into();
+        settings.meta_schema = None;
+    });
+    let mut generator = settings.into_generator();
+    let mut paths = control::paths(&mut generator);
+    for get in gets() {
+        let content = match get.gives {
+            Gives::Json(schema) => {
+                let schema = Value::from(schema(&mut generator));
+                json!({ "application/json": { "schema": schema } })
+            }
+            Gives::Kind(kind) => json!({ kind: {} }),
+        };
+        let role = if get.private {
+            Some(Role::Viewer)
+        } else {
+            None
+        };
+        let mut operation = control::described(&get.summary.into(), role, content);
+        let parts = ["name", "file"].into_iter();
+        let parameters: Vec<Value> = parts
+            .filter(|part| get.path.contains(&format!("{{{part}}}")))
+            .map(|part| {
+                let schema = json!({ "type": "string" });
+                json!({ "name": part, "in": "path", "required": true, "schema": schema })
+            })
+            .collect();
+        if !parameters.is_empty() {
+            operation["parameters"] = parameters.into();
+        }
+        paths.insert(get.path.to_owned(), json!({ "get": operation }));
+    }
+    json!({
+        "openapi": "3.1.0",
+        "info": {
+            "title": "spykee", "version": env!("CARGO_PKG_VERSION"),
+            "description": "The API of a run of spykee. Off loopback, or as soon as there is a token, one is \
+                            required: `spykee token new NAME`.",
+        },
+        "paths": paths,
+        "components": {
+            "schemas": generator.take_definitions(true),
+            "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } },
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn references(value: &Value, found: &mut Vec<String>) {
+        match value {
+            Value::Object(map) => map.iter().for_each(|(key, value)| match value.as_str() {
+                Some(path) if key == "$ref" => found.push(path.to_owned()),
+                _ => references(value, found),
+            }),
+            Value::Array(list) => list.iter().for_each(|value| references(value, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn every_request_is_described_with_its_fields_and_its_answer() {
+        let document = openapi();
+        let paths = document["paths"].as_object().unwrap();
+        assert_eq!(paths.len(), 22);
+        for (path, methods) in paths {
+            for operation in methods.as_object().unwrap().values() {
+                let summary = operation["summary"].as_str().unwrap_or_default();
+                assert!(!summary.is_empty(), "{path}");
+                let content = operation["responses"]["200"]["content"].as_object();
+                let json = content.unwrap().get("application/json");
+                assert!(json.is_none_or(|json| !json["schema"].is_null()), "{path}");
+            }
+        }
+        let body = &paths["/api/led"]["post"]["requestBody"];
+        assert_eq!(body["required"], true);
+        let fields = &body["content"]["application/json"]["schema"]["properties"];
+        let names: Vec<&String> = fields.as_object().unwrap().keys().collect();
+        assert_eq!(names, ["light", "on"]);
+        assert_eq!(paths["/api/dock"]["post"]["requestBody"]["required"], false);
+        let picture = &paths["/api/picture"]["get"];
+        assert_eq!(picture["parameters"][0]["name"], "seconds");
+        assert_eq!(paths["/api/stop"]["post"]["description"], "For a viewer.");
+    }
+
+    #[test]
+    fn all_references_in_the_description_resolve() {
+        let document = openapi();
+        let mut found = Vec::new();
+        references(&document, &mut found);
+        assert!(!found.is_empty());
+        for path in found {
+            let place = path.trim_start_matches('#');
+            assert!(document.pointer(place).is_some(), "{path} does not resolve");
+        }
+    }
 }

@@ -8,25 +8,23 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::Utf8Bytes;
+use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::sync::{Semaphore, broadcast, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 
 use super::log::LogBuffer;
-use super::manual_drive::TimedSetpoint;
-use super::messages::{Found, ToPage};
+use super::messages::ToPage;
 use super::metrics::Metrics;
 use super::scripts::{Behaviour, RunDefinition};
-use super::state::{Person, Rate, State};
-use super::viewer::OpenPage;
-use super::{manual_drive, scripts, world};
-use crate::agent::{BehaviourState, BehaviourStatus, PilotClientError};
-use crate::control::Run;
+use super::viewer::{OpenPage, TimedSetpoint, hold_tracks};
+use super::{scripts, world};
+use crate::agent::{BehaviourStatus, PilotClientError};
+use crate::clock::every;
+use crate::control::{Run, RunStatus};
 use crate::http::Access;
 use crate::robot::channel::{RunningBehaviour, RunningBehaviours};
-use crate::robot::{
-    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, Percent, RobotInfo,
-};
+use crate::robot::{AgentEvent, Battery, BusMessage, Frame, Intent, Listener, Percent, RobotInfo};
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
@@ -39,6 +37,62 @@ const PILOT_CHECK: Duration = Duration::from_secs(1);
 const READERS: usize = 2;
 /// Number of detections that a viewer may lag behind.
 const FOUND: usize = 32;
+
+/// Period over which frames are counted.
+const RATE: Duration = Duration::from_secs(1);
+
+/// The state of the run and of its viewers.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct State {
+    /// The state of the run.
+    #[serde(flatten)]
+    pub run: RunStatus,
+    /// Frames per second.
+    pub fps: u32,
+    /// The viewer that drives by hand.
+    pub driver: Option<Person>,
+    /// The number of viewers.
+    pub viewers: usize,
+}
+
+/// A viewer.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub(super) struct Person {
+    /// The viewer's number.
+    pub id: u32,
+    /// The viewer's name.
+    pub name: String,
+}
+
+/// Counts frames per second.
+#[derive(Debug)]
+struct Rate {
+    since: Instant,
+    frames: u64,
+    rate: u32,
+}
+
+impl Rate {
+    fn new(now: Instant) -> Rate {
+        Rate {
+            since: now,
+            frames: 0,
+            rate: 0,
+        }
+    }
+
+    /// The rate, given the number of frames so far.
+    fn count(&mut self, frames: u64, now: Instant) -> u32 {
+        let passed = now.saturating_duration_since(self.since);
+        if passed >= RATE {
+            let new = frames.saturating_sub(self.frames);
+            self.rate = (new as f64 / passed.as_secs_f64()).round() as u32;
+            self.since = now;
+            self.frames = frames;
+        }
+        self.rate
+    }
+}
 
 pub(super) struct Broadcast {
     pub(super) run: Run,
@@ -84,7 +138,7 @@ impl Broadcast {
             data,
             access,
             reading: Semaphore::new(READERS),
-            camera: Camera::new(),
+            camera: Camera::default(),
             log_buffer: LogBuffer::new(),
             metrics,
             found: broadcast::Sender::new(FOUND),
@@ -113,7 +167,7 @@ impl Broadcast {
         let mut stopped = self.run.emergency_stop.watch();
         while stopped.wait_for(|stopped| *stopped).await.is_ok() {
             self.lock_viewers().driver = None;
-            manual_drive::hold_tracks(self.run.clone(), stopped.clone()).await;
+            hold_tracks(self.run.clone(), stopped.clone()).await;
             // It may have ended early, with the run.
             let _ = stopped.wait_for(|stopped| !stopped).await;
         }
@@ -125,8 +179,7 @@ impl Broadcast {
     }
 
     async fn check_pilot(&self) {
-        let mut ticker = interval(PILOT_CHECK);
-        ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut ticker = every(PILOT_CHECK);
         loop {
             ticker.tick().await;
             let alive = self.run.running_behaviours().await.is_some();
@@ -155,17 +208,12 @@ impl Broadcast {
         let mut detections = self.run.roster.detections();
         loop {
             match detections.recv().await {
-                Ok(Detections {
-                    behaviour,
-                    frame,
-                    list,
-                }) => {
-                    let marks = list.into_iter().map(Found::from).collect();
+                Ok(found) => {
                     // Fails without viewers.
                     let _ = self.found.send(text(&ToPage::Found {
-                        behaviour,
-                        frame,
-                        marks,
+                        behaviour: found.behaviour,
+                        frame: found.frame,
+                        marks: found.list,
                     }));
                 }
                 Err(broadcast::error::RecvError::Lagged(_)) => {}
@@ -201,8 +249,7 @@ impl Broadcast {
 
     async fn publish_state(&self) {
         let mut rate = Rate::new(self.now());
-        let mut ticker = interval(STATE_POLL);
-        ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut ticker = every(STATE_POLL);
         loop {
             ticker.tick().await;
             let now = self.now();
@@ -223,8 +270,7 @@ impl Broadcast {
     async fn publish_behaviours(&self) {
         let mut statuses = self.run.roster.statuses();
         let mut params = self.run.roster.params();
-        let mut ticker = interval(BEHAVIOURS);
-        ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut ticker = every(BEHAVIOURS);
         loop {
             let over = tokio::select! {
                 _ = ticker.tick() => false,
@@ -241,46 +287,40 @@ impl Broadcast {
         }
     }
 
-    pub(super) fn list(&self) -> Vec<Behaviour> {
+    fn list(&self) -> Vec<Behaviour> {
         let statuses = self.run.roster.statuses();
         let params = self.run.roster.params();
         let definition = self.definition.borrow();
         let statuses = statuses.borrow();
         let params = params.borrow();
-        scripts::behaviours(&definition.scripts, &statuses, &params, self.now())
+        let behaviour = |status: &BehaviourStatus| {
+            let script = scripts::find(&definition.scripts, &status.name);
+            let declared = params.get(&status.name).cloned().unwrap_or_default();
+            Behaviour::new(script, status, declared, self.now())
+        };
+        statuses.iter().map(behaviour).collect()
     }
 
-    pub(super) fn running_behaviours(&self) -> Vec<String> {
-        let receiver = self.run.roster.statuses();
-        let statuses = receiver.borrow();
-        let running = statuses.iter().filter(|behaviour_status| {
-            matches!(behaviour_status.state, BehaviourState::Running { .. })
-        });
-        running
-            .map(|behaviour_status| behaviour_status.name.clone())
-            .collect()
-    }
-
-    fn state(&self, rate: &mut Rate, now: Instant) -> State {
+    pub(super) fn running_behaviours(&self) -> Vec<RunningBehaviour> {
         let statuses = self.run.roster.statuses();
-        let running = |one: &&BehaviourStatus| matches!(one.state, BehaviourState::Running { .. });
+        let statuses = statuses.borrow();
+        let running = statuses.iter().filter(|one| one.state.is_running());
         let named = |one: &BehaviourStatus| RunningBehaviour {
             name: one.name.clone(),
             priority: one.priority,
         };
-        let behaviours = statuses
-            .borrow()
-            .iter()
-            .filter(running)
-            .map(named)
-            .collect();
-        let robot = self.robot.borrow().clone();
+        running.map(named).collect()
+    }
+
+    fn state(&self, rate: &mut Rate, now: Instant) -> State {
+        let running = RunningBehaviours {
+            robot: self.robot.borrow().clone(),
+            behaviours: self.running_behaviours(),
+        };
         let frames = self.run.status.borrow().frames;
         let viewers = self.lock_viewers();
         State {
-            run: self
-                .run
-                .run_status(RunningBehaviours { robot, behaviours }, now),
+            run: self.run.run_status(running, now),
             fps: rate.count(frames, now),
             driver: viewers.driver.as_ref().map(|(person, _)| person.clone()),
             viewers: viewers.open.len(),
@@ -364,11 +404,12 @@ const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
 
 /// One client of the pilot requests the stream while there are viewers; each viewer takes the
 /// newest frame when ready.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Camera {
-    newest: watch::Sender<Option<Frame>>,
+    pub(super) newest: watch::Sender<Option<Frame>>,
     viewers: watch::Sender<usize>,
-    bytes: AtomicU64,
+    /// Of all frames so far.
+    pub(super) bytes: AtomicU64,
 }
 
 #[derive(Debug)]
@@ -383,25 +424,9 @@ impl Drop for CameraViewer<'_> {
 }
 
 impl Camera {
-    pub(super) fn new() -> Camera {
-        Camera {
-            newest: watch::Sender::new(None),
-            viewers: watch::Sender::new(0),
-            bytes: AtomicU64::new(0),
-        }
-    }
-
     pub(super) fn register(&self) -> CameraViewer<'_> {
         self.viewers.send_modify(|viewers| *viewers += 1);
         CameraViewer(self)
-    }
-
-    pub(super) fn frames(&self) -> watch::Receiver<Option<Frame>> {
-        self.newest.subscribe()
-    }
-
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes.load(Ordering::Relaxed)
     }
 
     pub(super) async fn serve(&self, run: &Run) {

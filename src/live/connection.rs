@@ -14,18 +14,20 @@ use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
 use serde::Deserialize;
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
 use super::broadcast::{Broadcast, text};
 use super::log::Line;
 use super::messages::{FromPage, Hello, ToPage, Watch};
-use super::state::has_camera;
 use super::viewer::{DriveLockError, Viewer};
 use super::world;
+use crate::clock::every;
 use crate::control::RunRequest;
 use crate::http::Role;
-use crate::robot::{Frame, Setpoint};
+use crate::rate_limit::TokenBucket;
+use crate::robot::{Frame, Setpoint, Use};
+use crate::wire::Stream;
 
 /// Maximum length of a page's message, in bytes.
 pub(super) const MAX_MESSAGE: usize = 16 * 1024;
@@ -36,7 +38,7 @@ const PING: Duration = Duration::from_secs(2);
 /// How often a page hears at least something, so that it knows that it is connected.
 const HEARTBEAT: Duration = Duration::from_millis(500);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
-const MAX_MESSAGES: u32 = 200;
+const MAX_MESSAGES: f64 = 200.0;
 const MAX_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
@@ -68,7 +70,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         you: viewer.id,
         role: viewer.visitor.role,
         world: broadcast.run.sim.is_some(),
-        camera: has_camera(&broadcast.run),
+        camera: broadcast.run.streams.usage(Stream::Video) != Use::Off,
     });
     let access = broadcast.access.clone();
     let visitor = viewer.visitor.clone();
@@ -93,7 +95,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         },
         commands: Vec::new(),
         driving: None,
-        window: (Instant::now(), 0),
+        rate: TokenBucket::new(MAX_MESSAGES, MAX_MESSAGES),
     };
     loop {
         let message = tokio::select! {
@@ -107,9 +109,10 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
             message = timeout(SILENCE_TIMEOUT, stream.next()) => message,
             _ = &mut writing => return,
         };
+        let is_within_rate = reader.rate.take(1.0, Instant::now());
         match message {
-            Ok(Some(Ok(Message::Text(text)))) if reader.admits() => reader.handle(&text).await,
-            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
+            Ok(Some(Ok(Message::Text(text)))) if is_within_rate => reader.handle(&text).await,
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if is_within_rate => {}
             // Closed, broken, silent, too many messages, or binary.
             _ => return,
         }
@@ -127,20 +130,10 @@ struct Reader {
     queues: Queues,
     commands: Vec<AbortOnDropHandle<()>>,
     driving: Option<AbortOnDropHandle<()>>,
-    /// Start of the current counting period, and the number of messages in it.
-    window: (Instant, u32),
+    rate: TokenBucket,
 }
 
 impl Reader {
-    /// Counts a message. Returns false if there are too many.
-    fn admits(&mut self) -> bool {
-        if self.window.0.elapsed() >= Duration::from_secs(1) {
-            self.window = (Instant::now(), 0);
-        }
-        self.window.1 += 1;
-        self.window.1 <= MAX_MESSAGES
-    }
-
     async fn handle(&mut self, text: &str) {
         let message = match serde_json::from_str(text) {
             Ok(message) => message,
@@ -280,14 +273,12 @@ impl Writer {
         let mut behaviours = broadcast.behaviours.subscribe();
         state.mark_changed();
         behaviours.mark_changed();
-        let mut frames = broadcast.camera.frames();
+        let mut frames = broadcast.camera.newest.subscribe();
         let mut camera = None;
         let mut feeds = Feeds::default();
-        let mut ping = interval(PING);
-        ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut ping = every(PING);
         let opened = Instant::now();
-        let mut heartbeat = interval(HEARTBEAT);
-        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heartbeat = every(HEARTBEAT);
         loop {
             let watch = *self.watched.borrow();
             let ready = watch.camera && self.frames_under_way() < FRAMES;

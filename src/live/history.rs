@@ -116,7 +116,7 @@ pub(super) struct ScheduledStart {
     /// When it is ended, if it has not ended on its own.
     pub until: Option<String>,
     /// `quiet`, `overlap` or `unknown`.
-    pub notes: Vec<&'static str>,
+    pub notes: Vec<Reason>,
 }
 
 /// Returns the history of the last days, if there is a journal. `running` are the behaviours that
@@ -303,17 +303,9 @@ pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<S
             at: words(one.at),
             run: one.run,
             until: one.until.map(words),
-            notes: one.reasons.iter().map(|reason| note(*reason)).collect(),
+            notes: one.reasons,
         })
         .collect()
-}
-
-fn note(reason: Reason) -> &'static str {
-    match reason {
-        Reason::Quiet => "quiet",
-        Reason::Overlap => "overlap",
-        Reason::Unknown => "unknown",
-    }
 }
 
 #[cfg(test)]

@@ -79,13 +79,7 @@ struct EventVisitor {
 
 impl EventVisitor {
     fn line(self, level: Level) -> Line {
-        let EventVisitor {
-            mut text,
-            fields,
-            behaviour,
-            line,
-        } = self;
-        text.push_str(&fields);
+        let mut text = self.text + &self.fields;
         if let Some((at, _)) = text.char_indices().nth(LONGEST) {
             text.truncate(at);
         }
@@ -99,8 +93,8 @@ impl EventVisitor {
         Line {
             at: now(),
             level,
-            behaviour,
-            line,
+            behaviour: self.behaviour,
+            line: self.line,
             text,
         }
     }
@@ -167,14 +161,11 @@ impl LogBuffer {
             let missed = DROPPED.swap(0, Ordering::Relaxed);
             if missed > 0 {
                 let text = format!("{missed} lines were dropped: they came too fast for the page");
-                let level = "warn";
-                let behaviour = None;
-                let line = None;
                 self.write(Line {
                     at: now(),
-                    level,
-                    behaviour,
-                    line,
+                    level: "warn",
+                    behaviour: None,
+                    line: None,
                     text,
                 });
             }
@@ -204,14 +195,11 @@ mod tests {
     use super::*;
 
     fn line(text: &str) -> Line {
-        let level = "info";
-        let behaviour = None;
-        let line = None;
         Line {
             at: 0,
-            level,
-            behaviour,
-            line,
+            level: "info",
+            behaviour: None,
+            line: None,
             text: text.to_owned(),
         }
     }

@@ -6,9 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::broadcast::State;
 use super::log::Line;
 use super::scripts::Behaviour;
-use super::state::State;
 use super::world::{Map, WorldPlan};
 use crate::control::RunRequest;
 use crate::http::Role;
@@ -108,7 +108,7 @@ pub(super) enum ToPage<'a> {
         /// The frame's number.
         frame: u64,
         /// The objects found.
-        marks: Vec<Found>,
+        marks: Vec<Detection>,
     },
     /// The result of a command.
     Answer {
@@ -141,27 +141,6 @@ pub(super) struct Hello {
     pub world: bool,
     /// Whether the config allows the camera.
     pub camera: bool,
-}
-
-/// An object found in a frame, in pixels.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Found {
-    /// Left edge.
-    pub x: u32,
-    /// Upper edge.
-    pub y: u32,
-    /// Width.
-    pub w: u32,
-    /// Height.
-    pub h: u32,
-    /// A label: the colour's name, the track's id.
-    pub text: String,
-}
-
-impl From<Detection> for Found {
-    fn from(Detection { x, y, w, h, text }: Detection) -> Found {
-        Found { x, y, w, h, text }
-    }
 }
 
 /// Returns the JSON Schema of all messages, for the page and for other clients.

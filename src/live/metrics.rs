@@ -1,6 +1,6 @@
 //! Metrics for Prometheus, in its text format.
 
-use prometheus_client::encoding::{EncodeLabelSet, EncodeMetric, MetricEncoder, NoLabelSet, text};
+use prometheus_client::encoding::{EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
@@ -12,23 +12,11 @@ use std::time::Duration;
 
 use crate::control::Run;
 use crate::link::Delays;
-use crate::pilot::{LinkState, Reactions, Tally};
+use crate::pilot::{LinkState, Reactions};
 use crate::robot::AgentEvent;
 
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Act {
-    action: &'static str,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Dock {
-    code: &'static str,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct End {
-    reason: &'static str,
-}
+/// The one label of a family: its name and its value.
+type Label = [(&'static str, &'static str); 1];
 
 /// The pilot's reaction times as a histogram.
 #[derive(Debug)]
@@ -36,12 +24,8 @@ struct FrameToMove(Reactions);
 
 impl EncodeMetric for FrameToMove {
     fn encode(&self, mut encoder: MetricEncoder<'_>) -> Result<(), std::fmt::Error> {
-        let Tally {
-            buckets,
-            sum,
-            count,
-        } = self.0.tally();
-        encoder.encode_histogram::<NoLabelSet>(sum, count, &buckets, None)
+        let tally = self.0.tally();
+        encoder.encode_histogram::<NoLabelSet>(tally.sum, tally.count, &tally.buckets, None)
     }
 
     fn metric_type(&self) -> MetricType {
@@ -65,10 +49,10 @@ pub(super) struct Metrics {
     bytes: Counter,
     links: Counter,
     losses: Counter,
-    acts: Family<Act, Counter>,
-    docks: Family<Dock, Counter>,
+    acts: Family<Label, Counter>,
+    docks: Family<Label, Counter>,
     starts: Counter,
-    ends: Family<End, Counter>,
+    ends: Family<Label, Counter>,
 }
 
 fn metric<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
@@ -77,32 +61,21 @@ fn metric<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help
     metric
 }
 
+fn count(family: &Family<Label, Counter>, label: &'static str, value: &'static str) {
+    family.get_or_create(&[(label, value)]).inc();
+}
+
+fn seconds(registry: &mut Registry, name: &str, help: &str) -> Gauge<f64, AtomicU64> {
+    let metric = Gauge::default();
+    registry.register_with_unit(name, help, Unit::Seconds, metric.clone());
+    metric
+}
+
 impl Metrics {
     pub(super) fn new(reactions: Reactions) -> Metrics {
         let mut registry = Registry::with_prefix("spykee");
         let one = &mut registry;
         let bytes = Counter::default();
-        let left = Gauge::<f64, AtomicU64>::default();
-        let robot_delay = Gauge::<f64, AtomicU64>::default();
-        one.register_with_unit(
-            "robot_delay",
-            "From the arrival of a command at the robot to its execution; NaN: unknown",
-            Unit::Seconds,
-            robot_delay.clone(),
-        );
-        let network_delay = Gauge::<f64, AtomicU64>::default();
-        one.register_with_unit(
-            "network_delay",
-            "Through the network to the robot and back; NaN: unknown",
-            Unit::Seconds,
-            network_delay.clone(),
-        );
-        one.register_with_unit(
-            "battery_left",
-            "Estimated time until the battery is empty; NaN: unknown",
-            Unit::Seconds,
-            left.clone(),
-        );
         one.register_with_unit(
             "camera",
             "Bytes of all frames received",
@@ -118,9 +91,21 @@ impl Metrics {
         Metrics {
             bytes,
             percent: metric(one, "battery_percent", "Level of the battery; NaN: unknown"),
-            left,
-            robot_delay,
-            network_delay,
+            left: seconds(
+                one,
+                "battery_left",
+                "Estimated time until the battery is empty; NaN: unknown",
+            ),
+            robot_delay: seconds(
+                one,
+                "robot_delay",
+                "From the arrival of a command at the robot to its execution; NaN: unknown",
+            ),
+            network_delay: seconds(
+                one,
+                "network_delay",
+                "Through the network to the robot and back; NaN: unknown",
+            ),
             charging: metric(one, "battery_charging", "1 while the battery is charging"),
             low: metric(
                 one,
@@ -147,23 +132,9 @@ impl Metrics {
             AgentEvent::LinkUp { .. } => drop(self.links.inc()),
             AgentEvent::LinkDown { .. } => drop(self.losses.inc()),
             AgentEvent::Started { .. } => drop(self.starts.inc()),
-            AgentEvent::Ended { reason, .. } => {
-                self.ends
-                    .get_or_create(&End {
-                        reason: reason.name(),
-                    })
-                    .inc();
-            }
-            AgentEvent::Dock { end, .. } => {
-                self.docks.get_or_create(&Dock { code: end.name() }).inc();
-            }
-            AgentEvent::Safety { action, .. } => {
-                self.acts
-                    .get_or_create(&Act {
-                        action: action.name(),
-                    })
-                    .inc();
-            }
+            AgentEvent::Ended { reason, .. } => count(&self.ends, "reason", reason.name()),
+            AgentEvent::Dock { end, .. } => count(&self.docks, "code", end.name()),
+            AgentEvent::Safety { action, .. } => count(&self.acts, "action", action.name()),
             _ => {}
         }
     }

@@ -1,6 +1,6 @@
 //! The behaviours of a run for the page, with the texts of their scripts.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -10,7 +10,7 @@ use crate::agent::BehaviourStatus;
 use crate::clock::Clock;
 use crate::control::BehaviourListing;
 use crate::files;
-use crate::robot::{DeclaredParam, DeclaredParams};
+use crate::robot::DeclaredParam;
 use crate::timetable::Timetable;
 
 /// Maximum length of a script that is shown, in bytes.
@@ -75,45 +75,28 @@ pub(super) struct Text {
     pub changed: bool,
 }
 
-pub(super) fn behaviours(
-    scripts: &[Script],
-    statuses: &[BehaviourStatus],
-    declared: &DeclaredParams,
-    now: Instant,
-) -> Vec<Behaviour> {
-    let statuses = statuses.iter();
-    let one = |behaviour_status: &BehaviourStatus| {
-        let declared = declared.get(&behaviour_status.name).map(Vec::as_slice);
-        behaviour(
-            find(scripts, &behaviour_status.name),
-            behaviour_status,
-            declared.unwrap_or_default(),
-            now,
-        )
-    };
-    statuses.map(one).collect()
-}
-
 pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> {
     scripts.iter().find(|script| script.name == name)
 }
 
-fn behaviour(
-    script: Option<&Script>,
-    behaviour_status: &BehaviourStatus,
-    declared: &[DeclaredParam],
-    now: Instant,
-) -> Behaviour {
-    let file = script.map(|script| script.file.display().to_string());
-    let mut listing = BehaviourListing::new(behaviour_status, now);
-    if let (Some(exit), Some(file)) = (&mut listing.exit, &file) {
-        exit.line = line_of(&exit.text, file);
-    }
-    Behaviour {
-        listing,
-        file,
-        params: script.map_or_else(Vec::new, |script| script.params.clone()),
-        declared_params: declared.to_vec(),
+impl Behaviour {
+    pub(super) fn new(
+        script: Option<&Script>,
+        status: &BehaviourStatus,
+        declared_params: Vec<DeclaredParam>,
+        now: Instant,
+    ) -> Behaviour {
+        let file = script.map(|script| script.file.display().to_string());
+        let mut listing = BehaviourListing::new(status, now);
+        if let (Some(exit), Some(file)) = (&mut listing.exit, &file) {
+            exit.line = line_of(&exit.text, file);
+        }
+        Behaviour {
+            listing,
+            file,
+            params: script.map_or_else(Vec::new, |script| script.params.clone()),
+            declared_params,
+        }
     }
 }
 
@@ -127,7 +110,7 @@ fn line_of(text: &str, file: &str) -> Option<u64> {
 /// Returns the current text of the file, or the text at the start if the file cannot be read.
 /// Blocks on the disk.
 pub(super) fn text(script: &Script) -> Text {
-    let now = read(&script.file);
+    let now = files::read_text(&script.file, MAX_LEN).ok();
     let changed = now.as_ref().is_some_and(|now| *now != script.source);
     Text {
         name: script.name.clone(),
@@ -135,10 +118,6 @@ pub(super) fn text(script: &Script) -> Text {
         text: now.unwrap_or_else(|| script.source.clone()),
         changed,
     }
-}
-
-fn read(path: &Path) -> Option<String> {
-    files::read_text(path, MAX_LEN).ok()
 }
 
 #[cfg(test)]

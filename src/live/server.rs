@@ -4,15 +4,13 @@ use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::sync::{Arc, mpsc};
-use std::thread::JoinHandle;
+use std::time::Duration;
 
 use axum::http::header;
 use axum::routing::get;
 use axum::{Router, middleware};
 use tokio::net::TcpListener;
-use tokio::runtime::Builder;
 use tokio::sync::watch;
-use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 
 use super::api;
@@ -23,6 +21,10 @@ use crate::control::{self, Run};
 use crate::http;
 use crate::http::{Access, AccessError, Options};
 use crate::robot::Listener;
+use crate::side_thread::SideThread;
+
+/// How long the end of the server may take.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The run that the page shows and controls.
 pub struct WebContext {
@@ -61,8 +63,7 @@ pub enum LiveError {
 #[derive(Debug)]
 pub struct Live {
     address: SocketAddr,
-    stop: CancellationToken,
-    thread: Option<JoinHandle<()>>,
+    thread: SideThread,
 }
 
 impl Live {
@@ -72,37 +73,21 @@ impl Live {
     /// See [`LiveError`].
     pub fn start(context: WebContext, options: &Options) -> Result<Live, LiveError> {
         let options = options.clone();
-        let stop = CancellationToken::new();
         let (started, starting) = mpsc::sync_channel(1);
-        let stopped = stop.clone();
-        let thread = std::thread::Builder::new()
-            .name("live".into())
-            .spawn(move || {
-                let runtime = match Builder::new_current_thread().enable_all().build() {
-                    Ok(runtime) => runtime,
-                    Err(error) => return drop(started.send(Err(error.into()))),
-                };
-                runtime.block_on(async {
-                    match open(&context, &options).await {
-                        Ok((listener, access)) => {
-                            let _ = started.send(listener.local_addr().map_err(LiveError::System));
-                            let served = serve(listener, access, context);
-                            let _ = stopped.run_until_cancelled(served).await;
-                        }
-                        Err(error) => drop(started.send(Err(error))),
-                    }
-                });
-                runtime.shutdown_background();
-            })?;
-        match starting.recv() {
-            Ok(Ok(address)) => Ok(Live {
-                address,
-                stop,
-                thread: Some(thread),
-            }),
-            Ok(Err(error)) => Err(error),
-            Err(_) => Err(LiveError::System(io::Error::other("its thread has ended"))),
-        }
+        let thread = SideThread::start("live", |stop| async move {
+            match open(&context, &options).await {
+                Ok((listener, access)) => {
+                    let _ = started.send(listener.local_addr().map_err(LiveError::System));
+                    let _ = stop
+                        .run_until_cancelled(serve(listener, access, context))
+                        .await;
+                }
+                Err(error) => drop(started.send(Err(error))),
+            }
+        })?;
+        let ended = |_| LiveError::System(io::Error::other("its thread has ended"));
+        let address = starting.recv().map_err(ended)??;
+        Ok(Live { address, thread })
     }
 
     /// Returns the page's address for a browser on this machine.
@@ -121,10 +106,7 @@ impl Live {
 
 impl Drop for Live {
     fn drop(&mut self) {
-        self.stop.cancel();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.thread.finish(SHUTDOWN_TIMEOUT);
     }
 }
 
@@ -143,19 +125,17 @@ async fn open(
 }
 
 async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext) {
-    let WebContext {
-        run,
-        definition,
-        bus,
-        log,
-        data,
-    } = context;
-    let requests = control::routes(run.clone());
-    let broadcast = Broadcast::new(run, definition, data, access.clone());
+    let requests = control::routes(context.run.clone());
+    let broadcast = Broadcast::new(
+        context.run,
+        context.definition,
+        context.data,
+        access.clone(),
+    );
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
-    let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(bus)));
+    let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(context.bus)));
     let keeper = broadcast.clone();
-    let _keeping = log.map(|log| {
+    let _keeping = context.log.map(|log| {
         AbortOnDropHandle::new(tokio::spawn(
             async move { keeper.log_buffer.collect(log).await },
         ))

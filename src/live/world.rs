@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::control::SimulatedRobot;
 use crate::sim::{self, Handle, Paint, Point, Pose, RADIUS, Spot, TraceEventKind};
-use crate::simulation::ClockMode;
+use crate::simulation::{ClockMode, SimClock};
 
 /// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
@@ -95,7 +95,7 @@ pub(super) struct Map {
     /// Simulated seconds since the start.
     pub time: f64,
     /// The state of its clock, if it has its own.
-    pub clock: Option<Clock>,
+    pub clock: Option<ClockMode>,
     /// The robot: x, y, heading.
     pub robot: [f64; 3],
     /// Whether it is blocked by an obstacle.
@@ -114,22 +114,6 @@ pub(super) struct Map {
     pub walkers: Vec<[f64; 2]>,
     /// The position and obstacle of each collision, newest last.
     pub bumps: Vec<(f64, f64, String)>,
-}
-
-/// The state of a simulation's own clock.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Clock {
-    /// Whether it is paused.
-    pub paused: bool,
-    /// Simulated seconds per second, 1..=100.
-    pub factor: f64,
-}
-
-impl From<ClockMode> for Clock {
-    fn from(ClockMode { paused, factor }: ClockMode) -> Clock {
-        let factor = factor.get();
-        Clock { paused, factor }
-    }
 }
 
 fn pair(point: Point) -> [f64; 2] {
@@ -207,13 +191,12 @@ impl Round {
     }
 }
 
+fn rounds<T>(objects: &[T], round: impl Fn(&T) -> Round) -> Vec<Round> {
+    objects.iter().map(round).collect()
+}
+
 pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
     let world = sim.world();
-    let balls = world.balls.iter();
-    let posts = world.posts.iter();
-    let walkers = world.walkers.iter();
-    let lamps = world.lamps.iter();
-    let signs = world.signs.iter();
     WorldPlan {
         name: world.name.clone(),
         width: world.room.width,
@@ -223,21 +206,21 @@ pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
         furniture: world.furniture.iter().map(Shape::from).collect(),
         rugs: world.rugs.iter().map(Shape::from).collect(),
         lines: world.lines.iter().map(Tape::from).collect(),
-        balls: balls
-            .map(|it| Round::new("", it.colour, it.at, it.radius))
-            .collect(),
-        posts: posts
-            .map(|it| Round::new("", it.colour, it.at, it.radius))
-            .collect(),
-        walkers: walkers
-            .map(|it| Round::new(&it.name, it.colour, it.at, it.radius))
-            .collect(),
-        lamps: lamps
-            .map(|it| Round::new(&it.name, it.colour, it.at, it.reach))
-            .collect(),
-        signs: signs
-            .map(|it| Round::new(&it.text, Paint([255; 3]), it.at, it.side / 2.0))
-            .collect(),
+        balls: rounds(&world.balls, |it| {
+            Round::new("", it.colour, it.at, it.radius)
+        }),
+        posts: rounds(&world.posts, |it| {
+            Round::new("", it.colour, it.at, it.radius)
+        }),
+        walkers: rounds(&world.walkers, |it| {
+            Round::new(&it.name, it.colour, it.at, it.radius)
+        }),
+        lamps: rounds(&world.lamps, |it| {
+            Round::new(&it.name, it.colour, it.at, it.reach)
+        }),
+        signs: rounds(&world.signs, |it| {
+            Round::new(&it.text, Paint([255; 3]), it.at, it.side / 2.0)
+        }),
         station: world.station.outline().into_iter().map(pair).collect(),
         beacon: world.beacon_cone().into_iter().map(pair).collect(),
         way: way(sim),
@@ -257,10 +240,7 @@ fn way(sim: &Handle) -> Vec<[f64; 2]> {
 }
 
 pub(super) fn map(simulation: &SimulatedRobot) -> Map {
-    let SimulatedRobot {
-        robot: sim,
-        sim_clock,
-    } = simulation;
+    let sim = &simulation.robot;
     let state = sim.state();
     let Pose { x, y, heading } = state.pose;
     let [x, y] = pair(Point::new(x, y));
@@ -280,7 +260,7 @@ pub(super) fn map(simulation: &SimulatedRobot) -> Map {
     });
     Map {
         time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
-        clock: sim_clock.as_ref().map(|sim_clock| sim_clock.mode().into()),
+        clock: simulation.sim_clock.as_ref().map(SimClock::mode),
         robot: [x, y, (heading * 1000.0).round() / 1000.0],
         blocked: state.blocked,
         searching: state.searching,

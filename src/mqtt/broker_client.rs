@@ -2,30 +2,27 @@
 //! commands.
 
 use std::io;
-use std::sync::mpsc;
 use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use serde_json::Value;
-use tokio::runtime::Builder;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use super::command::{BrokerCommand, BrokerCommandError, CommandResult};
-use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull, Will};
+use super::command::{BrokerCommand, CommandResult};
+use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
 use super::discovery::{EVENTS, discovery};
 use super::report::Report;
 use super::topics::{Presence, Topics};
 use crate::agent::BehaviourStatus;
 use crate::clock::until;
-use crate::control::{Change, Run, RunRequest, RunResponse, Start};
-use crate::link;
-use crate::link::Backoff;
-use crate::rate_limit::Budget;
+use crate::control::{Change, Run, RunRequest, RunResponse};
+use crate::rate_limit::{Backoff, Budget};
 use crate::robot::{AgentEvent, Bus, BusMessage, Listener, RobotInfo};
+use crate::side_thread::SideThread;
 use crate::wire::Sound;
 
 /// Changes within this time are published together.
@@ -33,8 +30,9 @@ const COALESCE: Duration = Duration::from_millis(100);
 const CLOSING: Duration = Duration::from_secs(1);
 /// How long commands in progress at the end may take.
 const RESULTS_TIMEOUT: Duration = Duration::from_millis(500);
-/// Maximum length of the name of a chosen behaviour, in bytes.
-const LONGEST_CHOICE: usize = 256;
+/// Pauses between two attempts to connect grow from the first to the longest.
+const FIRST_PAUSE: Duration = Duration::from_millis(500);
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
 /// After a connection that lasted this long, the next pause is short again.
 const STABLE: Duration = Duration::from_secs(60);
 
@@ -77,16 +75,6 @@ struct Published {
     state: Option<Value>,
 }
 
-enum Input {
-    Stop,
-    Bus(BusMessage),
-    Changed,
-    Finished(FinishedCommand),
-    Connection(ConnectionEvent),
-    Connect,
-    Publish,
-}
-
 impl BrokerClient {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> BrokerClient {
         let topics = topics(&account, "");
@@ -101,7 +89,7 @@ impl BrokerClient {
             phase: Phase::NoRobot,
             due: None,
             published: Published::default(),
-            backoff: Backoff::new(&link::Options::default()),
+            backoff: Backoff::new(FIRST_PAUSE, LONGEST_PAUSE),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             loss_logged: false,
@@ -114,42 +102,34 @@ impl BrokerClient {
         let mut statuses = self.run.roster.statuses();
         let mut view = self.run.view.clone();
         loop {
-            let input = tokio::select! {
+            tokio::select! {
                 biased;
-                () = stop.cancelled() => Input::Stop,
-                input = next_input(&mut self.phase) => input,
-                finished = self.commands.next() => Input::Finished(finished),
-                message = self.listener.next() => Input::Bus(message),
-                Ok(()) = status.changed() => Input::Changed,
-                Ok(()) = statuses.changed() => Input::Changed,
-                Ok(()) = view.changed() => Input::Changed,
-                () = until(self.due) => Input::Publish,
-            };
-            match input {
-                Input::Stop | Input::Bus(BusMessage::Closed) => break,
-                Input::Bus(message) => self.handle_event(message),
-                Input::Changed => self.schedule_publish(),
-                Input::Finished(finished) => self.answer(finished),
-                Input::Connection(event) => self.handle_connection(event),
-                Input::Connect => self.connect(),
-                Input::Publish => self.publish(),
+                () = stop.cancelled() => break,
+                event = next_event(&mut self.phase) => match event {
+                    Some(event) => self.handle_connection(event),
+                    None => self.connect(),
+                },
+                finished = self.commands.next() => self.answer(finished),
+                message = self.listener.next() => match message {
+                    BusMessage::Event(one) => self.handle_event(&one.what),
+                    BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
+                    BusMessage::Closed => break,
+                },
+                Ok(()) = status.changed() => self.schedule_publish(),
+                Ok(()) = statuses.changed() => self.schedule_publish(),
+                Ok(()) = view.changed() => self.schedule_publish(),
+                () = until(self.due) => self.publish(),
             }
         }
         self.shut_down().await;
     }
 
-    fn handle_event(&mut self, message: BusMessage) {
-        match message {
-            BusMessage::Event(one) => {
-                self.report.record_event(&one.what);
-                if let AgentEvent::LinkUp { robot, .. } = &one.what {
-                    self.adopt_robot(robot.clone());
-                }
-                self.announce(&one.what);
-            }
-            BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
-            BusMessage::Closed => {}
+    fn handle_event(&mut self, what: &AgentEvent) {
+        self.report.record_event(what);
+        if let AgentEvent::LinkUp { robot, .. } = what {
+            self.adopt_robot(robot.clone());
         }
+        self.announce(what);
         self.schedule_publish();
     }
 
@@ -166,15 +146,15 @@ impl BrokerClient {
     }
 
     fn connect(&mut self) {
-        let will = Will {
-            topic: self.topics.connection(),
-            payload: Presence::ConnectionBroken.word(),
-        };
         // The same client ID each time: a broker that still holds our old connection closes it, and
         // publishes its will, before it accepts the new one.
         let client = format!("spykee-{}", self.topics.id);
         self.published = Published::default();
-        self.phase = Phase::Connecting(Connection::connect(&self.account, &client, Some(will)));
+        self.phase = Phase::Connecting(Connection::connect(
+            &self.account,
+            &client,
+            Some(self.topics.named("connection")),
+        ));
     }
 
     fn handle_connection(&mut self, event: ConnectionEvent) {
@@ -228,7 +208,11 @@ impl BrokerClient {
         let topics = &self.topics;
         let published = &mut self.published;
         if !published.subscribed {
-            for topic in [topics.command(), topics.behaviour(), topics.birth()] {
+            for topic in [
+                topics.named("command"),
+                topics.named("behaviour/set"),
+                topics.birth(),
+            ] {
                 connection.subscribe(&topic)?;
             }
             published.subscribed = true;
@@ -240,16 +224,16 @@ impl BrokerClient {
             connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
             published.discovery = Some(entities);
         }
-        let next = Start::next(&self.run.view.borrow());
+        let next = self.run.view.borrow().next.clone();
         let state = self
             .report
             .state(&self.run.status.borrow(), &statuses, next.as_ref());
         if published.state.as_ref() != Some(&state) {
-            connection.retain(&topics.state(), state.to_string().into_bytes())?;
+            connection.retain(&topics.named("state"), state.to_string().into_bytes())?;
             published.state = Some(state);
         }
         if !published.presence {
-            connection.retain(&topics.connection(), Presence::Online.word().into())?;
+            connection.retain(&topics.named("connection"), Presence::Online.word().into())?;
             published.presence = true;
         }
         Ok(())
@@ -266,7 +250,9 @@ impl BrokerClient {
             return;
         };
         event["event_type"] = what.kind().into();
-        if connection.publish(&self.topics.event(), event.to_string().into()) == Err(QueueFull) {
+        if connection.publish(&self.topics.named("event"), event.to_string().into())
+            == Err(QueueFull)
+        {
             self.dropped += 1;
             debug!(
                 dropped = self.dropped,
@@ -287,10 +273,10 @@ impl BrokerClient {
             }
             return;
         }
-        let read = if message.topic == self.topics.command() {
+        let read = if message.topic == self.topics.named("command") {
             BrokerCommand::parse(&message.payload)
-        } else if message.topic == self.topics.behaviour() {
-            choice(&message.payload).map(|command| (command, None))
+        } else if message.topic == self.topics.named("behaviour/set") {
+            BrokerCommand::parse_choice(&message.payload).map(|command| (command, None))
         } else {
             // A broker may send anything; we did not subscribe to this topic.
             return;
@@ -321,20 +307,23 @@ impl BrokerClient {
         self.commands.begin(command, id, chosen);
     }
 
-    fn answer(&mut self, FinishedCommand { answer, picture }: FinishedCommand) {
-        let CommandResult { command, text, .. } = &answer;
-        if !answer.done {
-            let why = text.as_deref().unwrap_or_default();
+    fn answer(&mut self, finished: FinishedCommand) {
+        let result = finished.result();
+        if !result.done {
+            let why = result.text.as_deref().unwrap_or_default();
+            let command = &result.command;
             let line = format!("the command `{command}` from the broker was not executed: {why}");
             self.log.warn(&line);
         }
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
-        let text = serde_json::to_vec(&answer).unwrap_or_default();
-        let sent = connection.publish(&self.topics.answer(), text);
-        let shown = picture.map(|jpeg| connection.publish(&self.topics.picture(), jpeg));
-        if sent == Err(QueueFull) || shown == Some(Err(QueueFull)) {
+        let text = serde_json::to_vec(&result).unwrap_or_default();
+        let mut sent = connection.publish(&self.topics.named("answer"), text);
+        if let RunResponse::Picture { jpeg } = finished.response {
+            sent = sent.and(connection.publish(&self.topics.named("picture"), jpeg));
+        }
+        if sent == Err(QueueFull) {
             debug!("the broker is slow: an answer was dropped");
         }
     }
@@ -359,7 +348,7 @@ impl BrokerClient {
             self.announce(&one.what);
         }
         let _ = self.try_publish();
-        let topic = self.topics.connection();
+        let topic = self.topics.named("connection");
         if let Phase::Up(open, _) = self.phase
             && open.retain(&topic, Presence::Offline.word().into()).is_ok()
         {
@@ -373,21 +362,13 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
-    if payload.len() > LONGEST_CHOICE {
-        return Err(BrokerCommandError::TooLong);
-    }
-    let name = std::str::from_utf8(payload).map_err(|_| BrokerCommandError::NoText)?;
-    Ok(BrokerCommand::Choose(name.trim().to_owned()))
-}
-
-/// Waits for a message of the connection, or for the time to connect. Cancel-safe.
-async fn next_input(phase: &mut Phase) -> Input {
+/// The next event of the connection; `None` when it is time to connect. Cancel-safe.
+async fn next_event(phase: &mut Phase) -> Option<ConnectionEvent> {
     match phase {
-        Phase::Connecting(open) | Phase::Up(open, _) => Input::Connection(open.next().await),
+        Phase::Connecting(open) | Phase::Up(open, _) => Some(open.next().await),
         Phase::Pause(until) => {
             sleep_until(*until).await;
-            Input::Connect
+            None
         }
         Phase::NoRobot => std::future::pending().await,
     }
@@ -401,26 +382,20 @@ const PREFIX: u64 = 40;
 /// Logs what clients of the broker cause, within a daily budget: any client can send endless
 /// commands, which must not fill the disk.
 #[derive(Debug)]
-pub(super) struct LimitedLog {
-    budget: Budget,
-    dropped: u64,
-}
+struct LimitedLog(Budget);
 
 impl LimitedLog {
-    pub(super) fn new() -> LimitedLog {
-        LimitedLog {
-            budget: Budget::new(PER_DAY),
-            dropped: 0,
-        }
+    fn new() -> LimitedLog {
+        LimitedLog(Budget::new(PER_DAY))
     }
 
-    pub(super) fn info(&mut self, line: &str) {
+    fn info(&mut self, line: &str) {
         if let Some(dropped) = self.take(line, Instant::now()) {
             info!("{line}{dropped}");
         }
     }
 
-    pub(super) fn warn(&mut self, line: &str) {
+    fn warn(&mut self, line: &str) {
         if let Some(dropped) = self.take(line, Instant::now()) {
             warn!("{line}{dropped}");
         }
@@ -429,74 +404,26 @@ impl LimitedLog {
     /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
     /// appended, which may be empty.
     fn take(&mut self, line: &str, now: Instant) -> Option<String> {
-        if !self.budget.take(line.len() as u64 + PREFIX, now) {
-            self.dropped += 1;
-            return None;
+        match self.0.take_counted(line.len() as u64 + PREFIX, now)? {
+            0 => Some(String::new()),
+            dropped => Some(format!(
+                " ({dropped} lines about the broker's messages were dropped)"
+            )),
         }
-        Some(match std::mem::take(&mut self.dropped) {
-            0 => String::new(),
-            dropped => format!(" ({dropped} lines about the broker's messages were dropped)"),
-        })
     }
 }
 
-/// Timeout for a name lookup still in progress at the end.
-const LOOKUP: Duration = Duration::from_millis(100);
-
-/// Why the connection to the broker cannot be started.
-#[derive(Debug, thiserror::Error)]
-pub enum MqttError {
-    /// The system cannot start a thread.
-    #[error("no thread for the broker: {0}")]
-    Thread(#[from] io::Error),
-}
-
-/// An agent at a broker. Dropping it tells its thread to disconnect; [`Mqtt::finish`] waits for
-/// that.
-#[derive(Debug)]
-pub struct Mqtt {
-    stop: CancellationToken,
-    ended: mpsc::Receiver<()>,
-}
-
-impl Mqtt {
-    /// Publishes the bus's events from now on at this broker, and passes commands from there to the
-    /// run. Connects once the robot's uid is known, and reconnects whenever the connection is lost.
-    /// Does not wait for the network.
-    ///
-    /// # Errors
-    /// If the system cannot start a thread.
-    pub fn start(bus: &Bus, run: Run, account: Account) -> Result<Mqtt, MqttError> {
-        let stop = CancellationToken::new();
-        let (alive, ended) = mpsc::sync_channel::<()>(1);
-        let runtime = Builder::new_current_thread().enable_all().build()?;
-        let listener = bus.subscribe();
-        let stopped = stop.clone();
-        let life = move || {
-            runtime.block_on(BrokerClient::new(account, run, listener).run(&stopped));
-            runtime.shutdown_timeout(LOOKUP);
-            drop(alive);
-        };
-        std::thread::Builder::new()
-            .name("mqtt".into())
-            .spawn(life)?;
-        Ok(Mqtt { stop, ended })
-    }
-
-    /// Waits at most this long until the last messages are published. Returns whether the thread
-    /// ended in time.
-    pub fn finish(self, limit: Duration) -> bool {
-        self.stop.cancel();
-        // Returns when the thread has dropped its end; nothing is ever sent.
-        let ended = self.ended.recv_timeout(limit);
-        ended == Err(mpsc::RecvTimeoutError::Disconnected)
-    }
-}
-
-impl Drop for Mqtt {
-    fn drop(&mut self) {
-        self.stop.cancel();
-    }
+/// Publishes the bus's events from now on at this broker, and passes commands from there to the run.
+/// Connects once the robot's uid is known, and reconnects whenever the connection is lost. The
+/// thread's end publishes the last messages. Does not wait for the network.
+///
+/// # Errors
+/// If the system cannot start a thread.
+pub fn start(bus: &Bus, run: Run, account: Account) -> io::Result<SideThread> {
+    let listener = bus.subscribe();
+    SideThread::start("mqtt", |stop| async move {
+        BrokerClient::new(account, run, listener).run(&stop).await;
+    })
 }
 
 /// Maximum number of commands in progress; further ones are refused, except stops.
@@ -505,9 +432,28 @@ const MAX_TASKS: usize = 8;
 const MAX_STOPS: usize = 32;
 
 pub(super) struct FinishedCommand {
-    pub(super) answer: CommandResult,
-    /// The picture taken, if any.
-    pub(super) picture: Option<Vec<u8>>,
+    command: String,
+    id: Option<String>,
+    response: RunResponse,
+}
+
+impl FinishedCommand {
+    fn result(&self) -> CommandResult {
+        let end = self.response.dock_end();
+        let end = end.map(|end| end.name().replace('_', " "));
+        let error = self.response.error();
+        let done = error.is_none();
+        let text = match &self.response {
+            RunResponse::Stopped { outcome, .. } => Some(outcome.to_string()),
+            _ => end.or(error),
+        };
+        CommandResult {
+            command: self.command.clone(),
+            id: self.id.clone(),
+            done,
+            text,
+        }
+    }
 }
 
 /// The commands in progress: each in a separate task, a limited number at a time, dockings one
@@ -545,24 +491,15 @@ impl CommandTasks {
         let full = self.tasks.len() >= MAX_TASKS && !stops;
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
-            let words = command.to_string();
-            let (done, picture) = if full {
-                (Err("too many commands at once".to_owned()), None)
-            } else {
-                perform(&run, command, chosen).await
-            };
-            let (done, text) = match done {
-                Ok(text) => (true, text),
-                Err(why) => (false, Some(why)),
-            };
-            let command = words;
-            let answer = CommandResult {
-                command,
+            FinishedCommand {
+                command: command.to_string(),
                 id,
-                done,
-                text,
-            };
-            FinishedCommand { answer, picture }
+                response: if full {
+                    refused("too many commands at once")
+                } else {
+                    perform(&run, command, chosen).await
+                },
+            }
         });
         if drives && !full {
             self.drive = Some(task);
@@ -593,43 +530,30 @@ impl CommandTasks {
     }
 }
 
-type Done = Result<Option<String>, String>;
-
 /// Who commands, in the journal; the protocol does not name the client.
 const BROKER: &str = "the MQTT broker";
 
-/// Engages STOP, then ends all behaviours.
-async fn stop(run: &Run) -> Done {
-    let stopped = match run.perform(RunRequest::Stop, BROKER).await {
-        RunResponse::Stopped { outcome, .. } => outcome.to_string(),
-        other => return Err(other.error().unwrap_or_default()),
-    };
-    match run.end_behaviours().await {
-        Ok(()) => Ok(Some(stopped)),
-        Err(why) => Err(format!("{stopped}; but {why}")),
-    }
+fn refused(error: impl Into<String>) -> RunResponse {
+    let error = error.into();
+    RunResponse::Refused { error }
 }
 
-async fn perform(
-    run: &Run,
-    command: BrokerCommand,
-    chosen: Option<String>,
-) -> (Done, Option<Vec<u8>>) {
+async fn perform(run: &Run, command: BrokerCommand, chosen: Option<String>) -> RunResponse {
     let start = |name| RunRequest::Behaviour {
         name,
         change: Change::Start,
         lasts: None,
     };
     let request = match command {
-        BrokerCommand::Stop => return (stop(run).await, None),
+        BrokerCommand::Stop => RunRequest::Stop,
         BrokerCommand::ResetStop => RunRequest::ResetStop,
         BrokerCommand::Start => match chosen {
             Some(name) => start(name),
-            None => return (Err("there is no behaviour to start".to_owned()), None),
+            None => return refused("there is no behaviour to start"),
         },
         BrokerCommand::Run(name) => start(name),
         // The broker client handles this, since it keeps the choice.
-        BrokerCommand::Choose(_) => return (Ok(None), None),
+        BrokerCommand::Choose(_) => return RunResponse::Done,
         BrokerCommand::Dock => RunRequest::Dock {
             seconds: None,
             retries: None,
@@ -640,16 +564,14 @@ async fn perform(
         },
         BrokerCommand::Snapshot => RunRequest::Picture { seconds: None },
     };
-    let answer = run.perform(request, BROKER).await;
-    if let RunResponse::Picture { jpeg } = answer {
-        return (Ok(None), Some(jpeg));
+    let response = run.perform(request, BROKER).await;
+    // A stop also ends all behaviours.
+    if let RunResponse::Stopped { outcome, .. } = &response
+        && let Err(why) = run.end_behaviours().await
+    {
+        return refused(format!("{outcome}; but {why}"));
     }
-    let end = answer.dock_end().map(|end| end.name().replace('_', " "));
-    let done = match answer.error() {
-        None => Ok(end),
-        Some(error) => Err(end.unwrap_or(error)),
-    };
-    (done, None)
+    response
 }
 
 #[cfg(test)]

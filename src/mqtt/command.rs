@@ -4,6 +4,8 @@ use serde::{Deserialize, Serialize};
 
 /// Maximum length of a command, in bytes.
 const LONGEST: usize = 1024;
+/// Maximum length of the name of a chosen behaviour, in bytes.
+const LONGEST_CHOICE: usize = 256;
 
 /// One command. Its text is a word (`stop`, `run patrol`), or JSON with an `id` that is returned in
 /// the answer: `{"command": "run patrol", "id": "7"}`.
@@ -29,26 +31,6 @@ pub enum BrokerCommand {
     Choose(String),
 }
 
-/// Why a text is not a valid command.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum BrokerCommandError {
-    /// Longer than any valid command.
-    #[error("it is longer than any valid command")]
-    TooLong,
-    /// Not UTF-8.
-    #[error("it is not UTF-8 text")]
-    NoText,
-    /// Begins like JSON, but is invalid or lacks a field.
-    #[error("it is not a command in JSON ({0}), such as {{\"command\": \"stop\", \"id\": \"1\"}}")]
-    Json(String),
-    /// No such command.
-    #[error(
-        "`{0}` is not a command; the commands are start, stop, reset_stop, return_to_base, dock, undock, locate, snapshot and \
-         run NAME"
-    )]
-    Unknown(String),
-}
-
 #[derive(Debug, Serialize, Deserialize)]
 struct JsonCommand {
     command: String,
@@ -59,22 +41,27 @@ impl BrokerCommand {
     /// Parses a command, with its id if it has one.
     ///
     /// # Errors
-    /// See [`BrokerCommandError`].
-    pub fn parse(payload: &[u8]) -> Result<(BrokerCommand, Option<String>), BrokerCommandError> {
-        if payload.len() > LONGEST {
-            return Err(BrokerCommandError::TooLong);
-        }
-        let text = std::str::from_utf8(payload).map_err(|_| BrokerCommandError::NoText)?;
-        let text = text.trim();
+    /// Why it is no valid command, in words.
+    pub fn parse(payload: &[u8]) -> Result<(BrokerCommand, Option<String>), String> {
+        let text = text(payload, LONGEST)?;
         if !text.starts_with('{') {
             return Ok((BrokerCommand::of_words(text)?, None));
         }
-        let written: JsonCommand = serde_json::from_str(text)
-            .map_err(|error| BrokerCommandError::Json(error.to_string()))?;
+        let written: JsonCommand = serde_json::from_str(text).map_err(|error| {
+            format!(
+                "it is not a command in JSON ({error}), such as {{\"command\": \"stop\", \"id\": \"1\"}}"
+            )
+        })?;
         Ok((BrokerCommand::of_words(written.command.trim())?, written.id))
     }
 
-    fn of_words(words: &str) -> Result<BrokerCommand, BrokerCommandError> {
+    /// Parses the choice of the behaviour that `start` starts.
+    pub(super) fn parse_choice(payload: &[u8]) -> Result<BrokerCommand, String> {
+        let name = text(payload, LONGEST_CHOICE)?;
+        Ok(BrokerCommand::Choose(name.to_owned()))
+    }
+
+    fn of_words(words: &str) -> Result<BrokerCommand, String> {
         Ok(match words {
             "start" => BrokerCommand::Start,
             "stop" => BrokerCommand::Stop,
@@ -85,7 +72,12 @@ impl BrokerCommand {
             "snapshot" => BrokerCommand::Snapshot,
             other => match other.strip_prefix("run ").map(str::trim) {
                 Some(name) if !name.is_empty() => BrokerCommand::Run(name.to_owned()),
-                _ => return Err(BrokerCommandError::Unknown(other.to_owned())),
+                _ => {
+                    return Err(format!(
+                        "`{other}` is not a command; the commands are start, stop, reset_stop, \
+                         return_to_base, dock, undock, locate, snapshot and run NAME"
+                    ));
+                }
             },
         })
     }
@@ -97,6 +89,14 @@ impl BrokerCommand {
         // Serialising a struct of strings cannot fail.
         serde_json::to_string(&JsonCommand { command, id }).unwrap_or_default()
     }
+}
+
+fn text(payload: &[u8], longest: usize) -> Result<&str, String> {
+    if payload.len() > longest {
+        return Err("it is longer than any valid command".to_owned());
+    }
+    let text = std::str::from_utf8(payload).map_err(|_| "it is not UTF-8 text")?;
+    Ok(text.trim())
 }
 
 impl std::fmt::Display for BrokerCommand {
@@ -145,7 +145,7 @@ mod tests {
 
     #[test]
     fn an_invalid_order_is_refused_with_an_explanation() {
-        let refused = |bytes: &[u8]| BrokerCommand::parse(bytes).unwrap_err().to_string();
+        let refused = |bytes: &[u8]| BrokerCommand::parse(bytes).unwrap_err();
         assert!(refused(b"fly").contains("return_to_base"));
         assert!(refused(b"run ").contains("not a command"));
         assert!(refused(b"{\"id\": \"7\"}").contains("command"));

@@ -13,7 +13,9 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
+use super::topics::Presence;
 use crate::config;
+use crate::notify::{DELIVERY_TIMEOUT, Delivery};
 
 const MAX_WAITING: usize = 64;
 const MAX_RECEIVED: usize = 64;
@@ -65,12 +67,6 @@ pub(super) enum ConnectionEvent {
     Lost(String),
 }
 
-/// The message that the broker publishes if the connection breaks.
-pub(super) struct Will {
-    pub(super) topic: String,
-    pub(super) payload: &'static str,
-}
-
 /// The queue is full: the broker is slower than we are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct QueueFull;
@@ -91,7 +87,11 @@ impl Drop for Connection {
 }
 
 impl Connection {
-    pub(super) fn connect(account: &Account, client: &str, will: Option<Will>) -> Connection {
+    pub(super) fn connect(
+        account: &Account,
+        client: &str,
+        will_topic: Option<String>,
+    ) -> Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
         options.set_clean_session(true);
@@ -108,7 +108,8 @@ impl Connection {
             };
             options.set_transport(Transport::tls_with_config(tls));
         }
-        if let Some(Will { topic, payload }) = will {
+        if let Some(topic) = will_topic {
+            let payload = Presence::ConnectionBroken.word();
             options.set_last_will(LastWill::new(topic, payload, QoS::AtLeastOnce, true));
         }
         let (client, mut events) = AsyncClient::new(options, MAX_WAITING);
@@ -208,48 +209,34 @@ fn to_message(error: &ConnectionError) -> String {
 /// Timeout for the disconnection, and for a name lookup still in progress at the end.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(200);
 
-/// Why a message was not published.
-#[derive(Debug, thiserror::Error)]
-pub enum PostError {
-    /// The message is too long to be sent.
-    #[error("it is longer than {LONGEST_SENT} bytes, the maximum for a message")]
-    TooLong,
-    /// The connection failed.
-    #[error("no connection with the broker: {0}")]
-    Connection(String),
-    /// The broker did not confirm the message in time.
-    #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
-    TimedOut(Duration),
-}
-
 /// Publishes a message that is not retained, and waits until the broker confirms it. Blocks
-/// slightly longer than `limit` at most. If this user may not publish there, the broker still
-/// confirms the message without an error (MQTT 3.1.1).
-///
-/// # Errors
-/// See [`PostError`].
-pub fn publish(
-    account: &Account,
-    topic: &str,
-    payload: Vec<u8>,
-    limit: Duration,
-) -> Result<(), PostError> {
+/// slightly longer than [`DELIVERY_TIMEOUT`] at most. If this user may not publish there, the broker
+/// still confirms the message without an error (MQTT 3.1.1).
+pub fn publish(account: &Account, topic: &str, payload: Vec<u8>) -> Delivery {
     if payload.len() > LONGEST_SENT - 1024 {
-        return Err(PostError::TooLong);
+        return Delivery::Refused(format!(
+            "it is longer than {LONGEST_SENT} bytes, the maximum for a message"
+        ));
     }
-    let failed = |error: std::io::Error| PostError::Connection(error.to_string());
-    let runtime = Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(failed)?;
-    let sent = runtime.block_on(async {
-        let timed_out = |_| PostError::TimedOut(limit);
-        let sending = send(account, topic, payload);
-        timeout(limit, sending).await.map_err(timed_out)?
-    });
+    let failed = |why: String| Delivery::Later(format!("no connection with the broker: {why}"));
+    let runtime = match Builder::new_current_thread().enable_all().build() {
+        Ok(runtime) => runtime,
+        Err(error) => return failed(error.to_string()),
+    };
+    let sent =
+        runtime.block_on(async { timeout(DELIVERY_TIMEOUT, send(account, topic, payload)).await });
     runtime.shutdown_timeout(SHUTDOWN_TIMEOUT);
-    sent
+    match sent {
+        Ok(Ok(())) => Delivery::Done,
+        Ok(Err(why)) => failed(why),
+        Err(_) => Delivery::Later(format!(
+            "the broker did not confirm it within {} s",
+            DELIVERY_TIMEOUT.as_secs()
+        )),
+    }
 }
 
-async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
+async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), String> {
     // A unique client ID: a second client with the same ID would disconnect the first.
     let client = format!("spykee-post-{:016x}", rand::random::<u64>());
     let mut connection = Connection::connect(account, &client, None);
@@ -260,11 +247,11 @@ async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), Po
                 let Some(payload) = waiting.take() else {
                     continue;
                 };
-                let full = |_| PostError::Connection("its queue is full".to_owned());
-                connection.publish(topic, payload).map_err(full)?;
+                let sent = connection.publish(topic, payload);
+                sent.map_err(|QueueFull| "its queue is full".to_owned())?;
             }
             ConnectionEvent::Acknowledged => break,
-            ConnectionEvent::Lost(why) => return Err(PostError::Connection(why)),
+            ConnectionEvent::Lost(why) => return Err(why),
             ConnectionEvent::Message(_) | ConnectionEvent::Subscribed => {}
         }
     }

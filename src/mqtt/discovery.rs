@@ -39,7 +39,7 @@ pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String
         },
         "origin": { "name": "spykee", "sw_version": env!("CARGO_PKG_VERSION") },
         "availability": [{
-            "topic": topics.connection(),
+            "topic": topics.named("connection"),
             "value_template": format!("{{{{ 'online' if value == '{online}' else 'offline' }}}}"),
         }],
         "qos": 1,
@@ -69,19 +69,19 @@ struct Components<'a> {
 impl Components<'_> {
     fn add_robot(&mut self) {
         let vacuum = json!({
-            "state_topic": self.topics.state(),
-            "command_topic": self.topics.command(),
+            "state_topic": self.topics.named("state"),
+            "command_topic": self.topics.named("command"),
             "supported_features": ["start", "stop", "return_home", "locate"],
         });
         self.add("vacuum", "robot", Value::Null, vacuum);
-        let camera = json!({ "topic": self.topics.picture() });
+        let camera = json!({ "topic": self.topics.named("picture") });
         self.add("camera", "camera", "Camera".into(), camera);
-        let event = json!({ "state_topic": self.topics.event(), "event_types": EVENTS });
+        let event = json!({ "state_topic": self.topics.named("event"), "event_types": EVENTS });
         self.add("event", "event", "Last event".into(), event);
     }
 
     fn add_sensors(&mut self) {
-        let state = self.topics.state();
+        let state = self.topics.named("state");
         let sensor = |class: &str, template: &str| {
             json!({
                 "device_class": class,
@@ -119,7 +119,7 @@ impl Components<'_> {
             ("snapshot", "Take a picture", "mdi:camera"),
         ] {
             let button = json!({
-                "command_topic": self.topics.command(),
+                "command_topic": self.topics.named("command"),
                 "payload_press": payload,
                 "icon": icon,
             });
@@ -129,9 +129,9 @@ impl Components<'_> {
 
     fn add_choice_of(&mut self, behaviours: &[String]) {
         let select = json!({
-            "state_topic": self.topics.state(),
+            "state_topic": self.topics.named("state"),
             "value_template": "{{ value_json.behaviour }}",
-            "command_topic": self.topics.behaviour(),
+            "command_topic": self.topics.named("behaviour/set"),
             "options": behaviours,
             "icon": "mdi:script-text-play-outline",
         });

@@ -22,20 +22,10 @@ const LONGEST_STATE: usize = 16 << 10;
 /// Maximum number of agents listed.
 const MAX_ROBOTS: usize = 10_000;
 
-/// Why the fleet cannot be reached.
+/// The broker cannot be reached, or the connection broke.
 #[derive(Debug, thiserror::Error)]
-pub enum FleetError {
-    /// There is no connection to the broker.
-    #[error("no broker at {host}:{port}: {why}")]
-    Broker {
-        /// The broker's host name.
-        host: String,
-        /// The broker's port.
-        port: u16,
-        /// The reason, in words.
-        why: String,
-    },
-}
+#[error("no broker at {0}")]
+pub struct FleetError(String);
 
 /// An agent known to the broker.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,7 +162,7 @@ impl Fleet {
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);
                 let payload = command.to_json(id).into_bytes();
-                if self.connection.publish(&topics.command(), payload) == Err(QueueFull) {
+                if self.connection.publish(&topics.named("command"), payload) == Err(QueueFull) {
                     break;
                 }
                 next = waiting.next();
@@ -209,8 +199,7 @@ impl Fleet {
 
     fn broken(&self, why: String) -> FleetError {
         let (host, port) = self.account.options.address().unwrap_or_default();
-        let host = host.to_owned();
-        FleetError::Broker { host, port, why }
+        FleetError(format!("{host}:{port}: {why}"))
     }
 }
 

@@ -20,8 +20,8 @@ mod fleet;
 mod report;
 mod topics;
 
-pub use broker_client::{Mqtt, MqttError};
-pub use command::{BrokerCommand, BrokerCommandError, CommandResult};
-pub use connection::{Account, PostError, publish};
+pub use broker_client::start;
+pub use command::{BrokerCommand, CommandResult};
+pub use connection::{Account, publish};
 pub use fleet::{Fleet, FleetError, Found};
 pub use topics::Presence;

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use crate::agent::{BehaviourState, BehaviourStatus};
+use crate::agent::BehaviourStatus;
 use crate::behaviour::is_failure;
-use crate::control::Start;
 use crate::pilot::{LinkState, Status};
 use crate::robot::{AgentEvent, DockEnd, Percent};
 use crate::safety::WatchdogState;
+use crate::timetable::NextStart;
 
 /// Maximum number of behaviours whose failures are remembered.
 const MAX_FAILURES: usize = 32;
@@ -72,24 +72,14 @@ impl Report {
 
     /// Returns the behaviour that `start` starts: the chosen one, or else the first.
     pub(super) fn chosen(&self, statuses: &[BehaviourStatus]) -> Option<String> {
-        let known = |name: &&String| {
-            statuses
-                .iter()
-                .any(|behaviour_status| behaviour_status.name == **name)
-        };
-        let chosen = self.chosen.as_ref().filter(known);
-        chosen.cloned().or_else(|| {
-            statuses
-                .first()
-                .map(|behaviour_status| behaviour_status.name.clone())
-        })
+        let is_chosen = |one: &&BehaviourStatus| Some(&one.name) == self.chosen.as_ref();
+        let chosen = statuses.iter().find(is_chosen).or(statuses.first());
+        chosen.map(|one| one.name.clone())
     }
 
     /// Chooses the behaviour that `start` starts. Returns false if no behaviour has this name.
     pub(super) fn choose(&mut self, name: &str, statuses: &[BehaviourStatus]) -> bool {
-        let known = statuses
-            .iter()
-            .any(|behaviour_status| behaviour_status.name == name);
+        let known = statuses.iter().any(|one| one.name == name);
         if known {
             self.chosen = Some(name.to_owned());
         }
@@ -134,15 +124,10 @@ impl Report {
         &self,
         status: &Status,
         statuses: &[BehaviourStatus],
-        next: Option<&Start>,
+        next: Option<&NextStart>,
     ) -> Value {
-        let running: Vec<&str> = statuses
-            .iter()
-            .filter(|behaviour_status| {
-                matches!(behaviour_status.state, BehaviourState::Running { .. })
-            })
-            .map(|behaviour_status| behaviour_status.name.as_str())
-            .collect();
+        let running = statuses.iter().filter(|one| one.state.is_running());
+        let running: Vec<&str> = running.map(|one| one.name.as_str()).collect();
         let reason = self.reason(status);
         json!({
             "state": activity(status, !running.is_empty()),
@@ -180,6 +165,7 @@ fn activity(status: &Status, running: bool) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::agent::BehaviourState;
     use crate::robot::{Battery, BehaviourId, EndReason, Percent, Priority};
     use tokio::time::Instant;
 
@@ -306,7 +292,7 @@ mod tests {
 
     #[test]
     fn the_next_start_has_the_time_format_of_home_assistant() {
-        let next = Start {
+        let next = NextStart {
             at: jiff::Timestamp::from_second(1_790_000_000).unwrap(),
             behaviour: "patrol".to_owned(),
         };

@@ -23,34 +23,10 @@ impl Topics {
         }
     }
 
-    /// The agent's presence: see [`Presence`]. Retained.
-    pub(super) fn connection(&self) -> String {
-        format!("{}/connection", self.base)
-    }
-
-    pub(super) fn state(&self) -> String {
-        format!("{}/state", self.base)
-    }
-
-    pub(super) fn event(&self) -> String {
-        format!("{}/event", self.base)
-    }
-
-    pub(super) fn picture(&self) -> String {
-        format!("{}/picture", self.base)
-    }
-
-    pub(super) fn answer(&self) -> String {
-        format!("{}/answer", self.base)
-    }
-
-    pub(super) fn command(&self) -> String {
-        format!("{}/command", self.base)
-    }
-
-    /// The choice of the behaviour that `start` starts.
-    pub(super) fn behaviour(&self) -> String {
-        format!("{}/behaviour/set", self.base)
+    /// The topic of this name: `connection` (the agent's [`Presence`]), `state`, `event`, `picture`,
+    /// `answer`, `command`, or `behaviour/set` (the behaviour that `start` starts).
+    pub(super) fn named(&self, name: &str) -> String {
+        format!("{}/{name}", self.base)
     }
 
     /// The description of the entities for Home Assistant. Retained.
@@ -122,7 +98,7 @@ mod tests {
     #[test]
     fn a_uid_cannot_reach_other_topics() {
         let topics = Topics::new("spykee", "homeassistant", "../#/+\u{0}x");
-        assert_eq!(topics.command(), "spykee/_______x/command");
+        assert_eq!(topics.named("command"), "spykee/_______x/command");
         assert_eq!(id_of(""), "robot");
         assert_eq!(id_of(&"a".repeat(1000)).len(), LONGEST_ID);
         assert_eq!(id_of("SPYKEE0001"), "SPYKEE0001");

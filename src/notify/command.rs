@@ -11,10 +11,9 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal, kill_process_group};
 use tokio_util::sync::CancellationToken;
 
-use super::notice::Delivery;
-use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
+use super::{Delivery, Notice};
 
 /// Polling interval for the end of the program.
 const POLL_INTERVAL: Duration = Duration::from_millis(25);

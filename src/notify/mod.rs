@@ -1,10 +1,8 @@
-//! Notifications for people who are elsewhere. A thread for each target takes messages from a
+//! Notifications for people who are elsewhere. A task for each target takes messages from a
 //! bounded queue on the disk and retries with growing pauses, so no target delays another. A
 //! target's secrets appear in no log, no error and no queue.
 
 mod command;
-mod content;
-mod notice;
 mod notifier;
 mod options;
 mod queue;
@@ -13,11 +11,86 @@ mod sender;
 mod template;
 mod webhook;
 
+use std::path::PathBuf;
+
+use jiff::Timestamp;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 pub use command::PROGRAM_VARIABLES;
-pub use content::{BrokerMessage, BrokerPublisher};
-pub use notice::{Delivery, Notice, Rule};
-pub use notifier::{Notifier, NotifyError};
-pub use options::{Options, OptionsError, PictureMode, Target, TargetError};
-pub use sender::deliver;
-pub use template::UnknownName;
-pub use webhook::{RequestError, request};
+pub use notifier::Notifier;
+pub use options::{Options, PictureMode, Target};
+pub use sender::{BrokerPublisher, DELIVERY_TIMEOUT, deliver};
+pub use webhook::request;
+
+/// The events that people can be notified of.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "NotifyRule")]
+pub enum Rule {
+    /// The watchdog sounds its alarm.
+    Alarm,
+    /// The battery became low.
+    Low,
+    /// A docking failed.
+    NotDocked,
+    /// A behaviour failed, or was given up.
+    RunFailed,
+    /// A script added an entry `moved` or `noise` to the journal.
+    Moved,
+    /// The robot is out of reach for long; also when it is back.
+    Unreachable,
+    /// A start of the timetable did not happen.
+    StartMissed,
+    /// A script called `notify.send`.
+    Script,
+    /// `spykee config test-notify`; every target receives it.
+    Test,
+}
+
+impl Rule {
+    pub fn name(self) -> &'static str {
+        match self {
+            Rule::Alarm => "alarm",
+            Rule::Low => "low",
+            Rule::NotDocked => "not_docked",
+            Rule::RunFailed => "run_failed",
+            Rule::Moved => "moved",
+            Rule::Unreachable => "unreachable",
+            Rule::StartMissed => "start_missed",
+            Rule::Script => "script",
+            Rule::Test => "test",
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notice {
+    pub rule: Rule,
+    pub text: String,
+    /// The robot's name or uid; `spykee` while none is known.
+    pub robot: String,
+    /// When it happened, in milliseconds since the epoch.
+    pub at: i64,
+    /// A JPEG in the data folder of the behaviour that saved it.
+    pub picture: Option<PathBuf>,
+}
+
+impl Notice {
+    /// Returns when it happened, as RFC 3339 in UTC.
+    pub fn time(&self) -> String {
+        let at = Timestamp::from_millisecond(self.at).unwrap_or_default();
+        at.strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Delivery {
+    Done,
+    /// It was not delivered, and a retry may succeed; the reason in words.
+    Later(String),
+    /// It was not delivered, and a retry cannot succeed; the reason in words.
+    Refused(String),
+}

@@ -3,149 +3,109 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
-use std::sync::mpsc;
+use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use tokio::runtime::Builder;
+use tokio::sync::Notify;
+use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
-use super::content::BrokerPublisher;
-use super::notice::Notice;
+use super::Notice;
 use super::options::Options;
 use super::queue::Queue;
 use super::rules::{Notification, Rules};
-use super::sender::Sender;
+use super::sender::{BrokerPublisher, Sender};
 use crate::clock::until;
 use crate::rate_limit::TokenBucket;
 use crate::robot::{Bus, BusMessage, Listener};
+use crate::side_thread::SideThread;
 
 /// How long [`Notifier::finish`] waits, after its limit, until the targets' programs are killed.
 const KILL_LIMIT: Duration = Duration::from_secs(1);
 /// The most messages per target and hour; further ones are dropped and counted.
 const MESSAGES_PER_HOUR: f64 = 30.0;
 
-/// Why notifications cannot be started.
-#[derive(Debug, thiserror::Error)]
-pub enum NotifyError {
-    #[error("no thread for notifications: {0}")]
-    Thread(io::Error),
-}
-
-/// The running notifications. Dropping it tells its threads to end; [`Notifier::finish`] waits for
+/// The running notifications. Dropping it tells its thread to end; [`Notifier::finish`] waits for
 /// that.
 #[derive(Debug)]
 pub struct Notifier {
-    stop: CancellationToken,
+    thread: SideThread,
     /// Ends the targets' programs.
     abort: CancellationToken,
-    ended: mpsc::Receiver<()>,
 }
 
 impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
     /// Waiting messages are stored in this data folder. Does not wait for disk or network.
+    ///
+    /// # Errors
+    /// If the system cannot start a thread.
     pub fn start(
         bus: &Bus,
         data: &Path,
         options: &Options,
         tokens: &BTreeMap<String, String>,
         publisher: &BrokerPublisher,
-    ) -> Result<Notifier, NotifyError> {
-        let stop = CancellationToken::new();
+    ) -> io::Result<Notifier> {
         let abort = CancellationToken::new();
-        let (alive, ended) = mpsc::sync_channel::<()>(1);
-        let now = Instant::now();
+        let mut senders = Vec::new();
         let mut queues = Vec::new();
         for (name, target) in &options.targets {
-            let (wake, woken) = mpsc::sync_channel(1);
-            let sender = Sender {
+            let sender = Arc::new(Sender {
                 name: name.clone(),
                 target: target.clone(),
                 token: tokens.get(name).cloned().unwrap_or_default(),
                 publisher: publisher.clone(),
                 data: data.to_owned(),
+                woken: Notify::new(),
                 abort: abort.clone(),
-            };
-            spawn("notify", &alive, move || sender.run(&woken))?;
+            });
+            senders.push(sender.clone());
             queues.push(TargetQueue {
-                name: name.clone(),
-                target: target.clone(),
-                rate_limit: RateLimit::new(),
-                wake,
+                sender,
+                rate_limit: rate_limit(),
             });
         }
-        let runtime = Builder::new_current_thread().enable_time().build();
-        let runtime = runtime.map_err(NotifyError::Thread)?;
         let dispatcher = Dispatcher {
-            rules: Rules::new(options.unreachable_after.get(), now),
-            data: data.to_owned(),
+            rules: Rules::new(options.unreachable_after.get(), Instant::now()),
             queues,
         };
         let listener = bus.subscribe();
-        let stopped = stop.clone();
-        spawn("notify-rules", &alive, move || {
-            runtime.block_on(dispatcher.run(listener, stopped));
+        let thread = SideThread::start("notify", |stop| async move {
+            let last_try = CancellationToken::new();
+            let sending = senders.into_iter().map(|one| one.run(last_try.clone()));
+            let sending: JoinSet<()> = sending.collect();
+            dispatcher.run(listener, stop).await;
+            last_try.cancel();
+            sending.join_all().await;
         })?;
-        Ok(Notifier { stop, abort, ended })
+        Ok(Notifier { thread, abort })
     }
 
     /// Waits at most this long until all waiting messages were tried once more; then kills the
     /// programs that have not ended. Messages not sent stay in the queue on the disk for the next
     /// agent. Returns whether all were tried.
     pub fn finish(self, limit: Duration) -> bool {
-        self.stop.cancel();
-        let done = self.wait(limit);
+        let done = self.thread.finish(limit);
         if !done {
             self.abort.cancel();
-            self.wait(KILL_LIMIT);
+            self.thread.finish(KILL_LIMIT);
         }
         done
-    }
-
-    /// Waits at most this long until all threads have ended. Returns whether they have.
-    fn wait(&self, limit: Duration) -> bool {
-        // Returns when every thread has dropped its end; nothing is ever sent.
-        let ended = self.ended.recv_timeout(limit);
-        ended == Err(mpsc::RecvTimeoutError::Disconnected)
-    }
-}
-
-/// Starts a thread that keeps a copy of `alive` until its end.
-fn spawn(
-    name: &str,
-    alive: &mpsc::SyncSender<()>,
-    life: impl FnOnce() + Send + 'static,
-) -> Result<(), NotifyError> {
-    let alive = alive.clone();
-    let life = move || {
-        life();
-        drop(alive);
-    };
-    let thread = std::thread::Builder::new().name(name.to_owned());
-    thread.spawn(life).map_err(NotifyError::Thread)?;
-    Ok(())
-}
-
-impl Drop for Notifier {
-    fn drop(&mut self) {
-        self.stop.cancel();
     }
 }
 
 struct TargetQueue {
-    name: String,
-    target: super::Target,
-    rate_limit: RateLimit,
-    wake: mpsc::SyncSender<()>,
+    sender: Arc<Sender>,
+    rate_limit: TokenBucket,
 }
 
 struct Dispatcher {
     rules: Rules,
-    data: std::path::PathBuf,
     queues: Vec<TargetQueue>,
 }
 
@@ -206,18 +166,19 @@ impl Dispatcher {
             picture,
         };
         for queue in &mut self.queues {
-            queue.accept(&self.data, &notice);
+            queue.accept(&notice);
         }
     }
 }
 
 impl TargetQueue {
-    fn accept(&mut self, data: &Path, notice: &Notice) {
-        if !self.target.wants(notice.rule) {
+    fn accept(&mut self, notice: &Notice) {
+        let sender = &self.sender;
+        if !sender.target.wants(notice.rule) {
             return;
         }
-        let name = &self.name;
-        let Some(before) = self.rate_limit.take(Instant::now()) else {
+        let name = &sender.name;
+        let Some(before) = self.rate_limit.take_counted(1.0, Instant::now()) else {
             return debug!(
                 target = name,
                 "too many messages in an hour: one was dropped"
@@ -227,7 +188,7 @@ impl TargetQueue {
         if before > 0 {
             notice.text += &format!(" ({before} messages before this one were dropped)");
         }
-        match Queue::open(data, name).and_then(|queue| queue.add(&notice)) {
+        match Queue::open(&sender.data, name).and_then(|queue| queue.add(&notice)) {
             Ok(0) => {}
             Ok(gone) => warn!(
                 target = name,
@@ -238,36 +199,13 @@ impl TargetQueue {
                 "a message is lost, because it cannot be stored: {error}"
             ),
         }
-        // If the channel is full, the sender is already awake.
-        let _ = self.wake.try_send(());
+        sender.woken.notify_one();
     }
 }
 
 /// Limits the messages to a target: an hourly rate, with a burst of a third of it.
-#[derive(Debug)]
-struct RateLimit {
-    bucket: TokenBucket,
-    /// Messages dropped since the last one that was allowed.
-    dropped: u64,
-}
-
-impl RateLimit {
-    fn new() -> RateLimit {
-        RateLimit {
-            bucket: TokenBucket::new(MESSAGES_PER_HOUR / 3.0, MESSAGES_PER_HOUR / 3600.0),
-            dropped: 0,
-        }
-    }
-
-    /// Allows one message, and returns the number of messages dropped before it; `None` if this one
-    /// must be dropped.
-    fn take(&mut self, now: Instant) -> Option<u64> {
-        if !self.bucket.take(1.0, now) {
-            self.dropped += 1;
-            return None;
-        }
-        Some(std::mem::take(&mut self.dropped))
-    }
+fn rate_limit() -> TokenBucket {
+    TokenBucket::new(MESSAGES_PER_HOUR / 3.0, MESSAGES_PER_HOUR / 3600.0)
 }
 
 #[cfg(test)]
@@ -279,14 +217,14 @@ mod tests {
     #[test]
     fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
         let mut now = Instant::now();
-        let mut rate_limit = RateLimit::new();
-        let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
+        let mut rate_limit = rate_limit();
+        let burst = std::iter::repeat_with(|| rate_limit.take_counted(1.0, now)).take(50);
         assert_eq!(burst.flatten().count(), 10);
         now += HOUR / 30;
-        assert_eq!(rate_limit.take(now), Some(40));
-        assert_eq!(rate_limit.take(now), None);
+        assert_eq!(rate_limit.take_counted(1.0, now), Some(40));
+        assert_eq!(rate_limit.take_counted(1.0, now), None);
         now += HOUR;
-        let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
+        let burst = std::iter::repeat_with(|| rate_limit.take_counted(1.0, now)).take(50);
         assert_eq!(burst.flatten().count(), 10);
     }
 }

@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::notice::Rule;
-use super::template::{self, UnknownName};
+use super::Rule;
+use super::template;
 use crate::robot::Seconds;
 
 /// Maximum number of targets, since each has a thread.
@@ -100,97 +100,65 @@ impl Target {
         texts
     }
 
-    fn check(&self) -> Result<(), TargetError> {
+    fn check(&self) -> Result<(), String> {
         let ways = [
             self.url.is_some(),
             self.topic.is_some(),
             !self.command.is_empty(),
         ];
         if ways.iter().filter(|way| **way).count() != 1 {
-            return Err(TargetError::Ways);
+            return refused("it needs exactly one of `url`, `topic` and `command`");
         }
         for text in self.templates() {
             template::check(text)?;
         }
         let wants_token = self.templates().iter().any(|text| text.contains("{token}"));
         let has_token = self.token_file.is_some();
-        if wants_token != has_token {
-            return Err(if wants_token {
-                TargetError::NoToken
-            } else {
-                TargetError::UnusedToken
-            });
+        if wants_token && !has_token {
+            return refused("`{token}` needs `token_file`");
+        }
+        if has_token && !wants_token {
+            return refused("its token is not used: write {token} where it belongs");
         }
         if let Some(url) = &self.url {
             let known = url.starts_with("https://") || url.starts_with("http://");
             if !known && !url.starts_with('{') {
-                return Err(TargetError::Url);
+                return refused("its url must begin with https:// or http://");
             }
         }
         if self.body.is_some() && self.json.is_some() {
-            return Err(TargetError::TwoBodies);
+            return refused("it has both `body` and `json`; one of them is sent");
         }
         match &self.topic {
             Some(topic) => self.check_topic(topic, has_token),
-            None if self.url.is_none() && has_token => Err(TargetError::TokenOfCommand),
+            None if self.url.is_none() && has_token => {
+                refused("a command cannot have a token: it would show in lists of processes")
+            }
             None => Ok(()),
         }
     }
 
-    fn check_topic(&self, topic: &str, has_token: bool) -> Result<(), TargetError> {
+    fn check_topic(&self, topic: &str, has_token: bool) -> Result<(), String> {
         let plain = |c: char| !c.is_control() && !matches!(c, '+' | '#' | '{' | '}');
         let good = !topic.is_empty() && topic.len() <= LONGEST_TOPIC && !topic.starts_with('$');
         if !good || !topic.chars().all(plain) {
-            return Err(TargetError::Topic);
+            return Err(format!(
+                "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, \
+                 without +, # and braces"
+            ));
         }
         if has_token {
-            return Err(TargetError::TokenOfTopic);
+            return refused("a topic takes no token: the broker's is `mqtt.password_file`");
         }
         match self.picture {
-            PictureMode::Form => Err(TargetError::PictureOfTopic),
+            PictureMode::Form => refused("a topic takes a picture as `body` only, or none"),
             PictureMode::None | PictureMode::Body => Ok(()),
         }
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum TargetError {
-    #[error("it needs exactly one of `url`, `topic` and `command`")]
-    Ways,
-    #[error(transparent)]
-    Template(#[from] UnknownName),
-    #[error("`{{token}}` needs `token_file`")]
-    NoToken,
-    /// A token is given, but no text contains `{token}`.
-    #[error("its token is not used: write {{token}} where it belongs")]
-    UnusedToken,
-    #[error("its url must begin with https:// or http://")]
-    Url,
-    #[error("it has both `body` and `json`; one of them is sent")]
-    TwoBodies,
-    #[error("a command cannot have a token: it would show in lists of processes")]
-    TokenOfCommand,
-    #[error(
-        "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
-         +, # and braces"
-    )]
-    Topic,
-    #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
-    TokenOfTopic,
-    #[error("a topic takes a picture as `body` only, or none")]
-    PictureOfTopic,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum OptionsError {
-    #[error("notify: at most {MAX_TARGETS} targets")]
-    TooMany,
-    #[error(
-        "notify.targets: the name `{0}` may have letters, digits, - and _, at most {LONGEST_NAME}"
-    )]
-    Name(String),
-    #[error("notify.targets.{name}: {source}")]
-    Target { name: String, source: TargetError },
+fn refused(why: &str) -> Result<(), String> {
+    Err(why.to_owned())
 }
 
 impl Options {
@@ -201,19 +169,23 @@ impl Options {
     }
 
     /// Checks what the types cannot express.
-    pub fn check(&self) -> Result<(), OptionsError> {
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
         if self.targets.len() > MAX_TARGETS {
-            return Err(OptionsError::TooMany);
+            return Err(format!("notify: at most {MAX_TARGETS} targets"));
         }
         for (name, target) in &self.targets {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
             if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(plain) {
-                return Err(OptionsError::Name(name.clone()));
+                return Err(format!(
+                    "notify.targets: the name `{name}` may have letters, digits, - and _, at most \
+                     {LONGEST_NAME}"
+                ));
             }
-            target.check().map_err(|source| OptionsError::Target {
-                name: name.clone(),
-                source,
-            })?;
+            let placed = |why| format!("notify.targets.{name}: {why}");
+            target.check().map_err(placed)?;
         }
         Ok(())
     }
@@ -226,7 +198,7 @@ mod tests {
     fn checked(target: &str) -> Result<(), String> {
         let text = format!("targets:\n  phone: {target}\n");
         let options: Options = serde_yaml::from_str(&text).map_err(|error| error.to_string())?;
-        options.check().map_err(|error| error.to_string())
+        options.check()
     }
 
     #[test]

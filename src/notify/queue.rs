@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rustix::fs::{FlockOperation, flock};
 
-use super::notice::Notice;
+use super::Notice;
 use crate::files::{Folder, Item};
 
 pub(super) const MAX_QUEUED: usize = 100;

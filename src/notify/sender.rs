@@ -1,22 +1,23 @@
-//! The thread of one target: sends the messages in its queue, with growing pauses after failures.
+//! The task of one target: sends the messages in its queue, with growing pauses after failures.
 
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
-use tokio::time::Instant;
+use tokio::sync::Notify;
+use tokio::task::spawn_blocking;
+use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use super::command;
-use super::content::{BrokerPublisher, publish};
-use super::notice::Delivery;
-use super::notice::Notice;
 use super::options::{PictureMode, Target};
 use super::queue::Queue;
 use super::webhook;
+use super::{Delivery, Notice};
 use crate::files::Folder;
+use crate::rate_limit::Backoff;
 
 /// The first pause after a failure; each further one is twice as long ...
 const FIRST_PAUSE: Duration = Duration::from_secs(5);
@@ -27,7 +28,11 @@ const POLL_INTERVAL: Duration = Duration::from_secs(30);
 /// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
 /// Time limit of a delivery.
-pub(super) const DELIVERY_TIMEOUT: Duration = Duration::from_secs(15);
+pub const DELIVERY_TIMEOUT: Duration = Duration::from_secs(15);
+
+/// Publishes a payload under a topic and waits for the broker's confirmation, at most for
+/// [`DELIVERY_TIMEOUT`]; blocks. `None` if the config names no broker.
+pub type BrokerPublisher = Option<Arc<dyn Fn(&str, Vec<u8>) -> Delivery + Send + Sync>>;
 
 /// Sends one message now; `publisher` publishes to the broker, and `abort` ends a program that the
 /// target starts.
@@ -46,7 +51,13 @@ pub fn deliver(
     };
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
-        (None, Some(topic)) => publish(target, topic, publisher, notice, picture().as_deref()),
+        (None, Some(topic)) => match publisher {
+            Some(publish) => {
+                let content = webhook::content(target, "", notice, picture().as_deref());
+                publish(topic, content.bytes)
+            }
+            None => Delivery::Refused("the config names no broker".to_owned()),
+        },
         (None, None) => {
             let picture = notice.picture.as_deref();
             command::send(target, notice, picture, DELIVERY_TIMEOUT, abort)
@@ -69,28 +80,37 @@ pub(super) struct Sender {
     pub(super) token: String,
     pub(super) publisher: BrokerPublisher,
     pub(super) data: PathBuf,
+    /// Told of each new message in the queue.
+    pub(super) woken: Notify,
     /// Ends the delivery that is under way, if it is by a program; no further one begins.
     pub(super) abort: CancellationToken,
 }
 
 impl Sender {
-    /// Runs until the last waker is dropped; then tries the waiting messages once more. Returns
-    /// early if it is aborted.
-    pub(super) fn run(self, woken: &Receiver<()>) {
-        let mut pause = None;
-        let mut is_last = false;
+    /// Sends the messages as they come, and tries the waiting ones once more at the last try.
+    /// Returns early if it is aborted.
+    pub(super) async fn run(self: Arc<Sender>, last_try: CancellationToken) {
+        let mut backoff = Backoff::new(FIRST_PAUSE, LONGEST_PAUSE);
         loop {
-            let sent = self.send_all();
+            let is_last = last_try.is_cancelled();
+            let sender = self.clone();
+            let sent = spawn_blocking(move || sender.send_all()).await;
+            let sent = sent.unwrap_or(false);
             if is_last || self.abort.is_cancelled() {
                 return;
             }
-            pause = match (sent, pause) {
-                (true, _) => None,
-                (false, None) => Some(FIRST_PAUSE),
-                (false, Some(pause)) => Some(LONGEST_PAUSE.min(pause * 2)),
+            let pause = if sent {
+                backoff.reset();
+                POLL_INTERVAL
+            } else {
+                backoff.step()
             };
-            let until = Instant::now() + pause.unwrap_or(POLL_INTERVAL);
-            is_last = wait(woken, until, pause.is_some());
+            tokio::select! {
+                () = last_try.cancelled() => {}
+                // A new message does not shorten the pause after a failure.
+                () = self.woken.notified(), if sent => {}
+                () = sleep(pause) => {}
+            }
         }
     }
 
@@ -138,18 +158,5 @@ impl Sender {
             }
         }
         true
-    }
-}
-
-/// Waits until this instant; a new message ends the wait, unless it is a pause after a failure.
-/// Returns true if there will be no more messages.
-fn wait(woken: &Receiver<()>, until: Instant, is_pause: bool) -> bool {
-    loop {
-        let left = until.saturating_duration_since(Instant::now());
-        match woken.recv_timeout(left) {
-            Ok(()) if is_pause => {}
-            Ok(()) | Err(RecvTimeoutError::Timeout) => return false,
-            Err(RecvTimeoutError::Disconnected) => return true,
-        }
     }
 }

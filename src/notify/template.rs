@@ -1,14 +1,19 @@
 //! Texts with placeholders in braces. Values are escaped for their context: a part of a URL, a
 //! header field, a text in JSON.
 
-use std::fmt::Write as _;
-
 use data_encoding::BASE64;
+use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::Value;
 
-use super::notice::Notice;
+use super::Notice;
 
 const NAMES: &[&str] = &["text", "event", "robot", "time", "picture", "token"];
+/// What is encoded in a URL (RFC 3986).
+const RESERVED: &AsciiSet = &NON_ALPHANUMERIC
+    .remove(b'-')
+    .remove(b'.')
+    .remove(b'_')
+    .remove(b'~');
 /// Maximum nesting depth of a JSON value that is searched for texts.
 const DEEPEST: u32 = 16;
 
@@ -22,22 +27,16 @@ pub(super) enum Slot {
     Header,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown placeholder {{{0}}}; valid are {known}", known = known())]
-pub struct UnknownName(String);
-
-fn known() -> String {
-    let known: Vec<String> = NAMES.iter().map(|name| format!("{{{name}}}")).collect();
-    known.join(", ")
-}
-
-pub(super) fn check(template: &str) -> Result<(), UnknownName> {
-    for name in parts(template).filter_map(|part| part.err()) {
-        if !NAMES.contains(&name) {
-            return Err(UnknownName(name.to_owned()));
+/// Checks that all placeholders are known.
+pub(super) fn check(template: &str) -> Result<(), String> {
+    match parts(template).find_map(|part| part.err().filter(|name| !NAMES.contains(name))) {
+        Some(name) => {
+            let known: Vec<String> = NAMES.iter().map(|name| format!("{{{name}}}")).collect();
+            let known = known.join(", ");
+            Err(format!("unknown placeholder {{{name}}}; valid are {known}"))
         }
+        None => Ok(()),
     }
-    Ok(())
 }
 
 pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) -> String {
@@ -48,7 +47,7 @@ pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) ->
             Err(name) => {
                 let value = value(name, notice, token);
                 match place {
-                    Slot::Url => encode(&value, &mut filled),
+                    Slot::Url => filled.extend(utf8_percent_encode(&value, RESERVED)),
                     Slot::Plain | Slot::Header => filled.push_str(&value),
                 }
             }
@@ -131,18 +130,6 @@ fn value(name: &str, notice: &Notice, token: &str) -> String {
         }
         "token" => token.to_owned(),
         _ => String::new(),
-    }
-}
-
-fn encode(text: &str, encoded: &mut String) {
-    for byte in text.bytes() {
-        let plain = byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
-        // Writing into a string does not fail.
-        let _ = if plain {
-            write!(encoded, "{}", char::from(byte))
-        } else {
-            write!(encoded, "%{byte:02X}")
-        };
     }
 }
 

@@ -1,13 +1,14 @@
-//! Sends a notification to a webhook.
+//! Sends a notification to a webhook, as a text, JSON, a picture, or a form with text and picture.
 
+use std::borrow::Cow;
+
+use serde_json::Value;
 use ureq::http::{HeaderName, HeaderValue, Request};
 
-use super::content::content;
-use super::notice::Delivery;
-use super::notice::Notice;
-use super::options::Target;
+use super::options::{PictureMode, Target};
 use super::sender::DELIVERY_TIMEOUT;
-use super::template::{Slot, fill};
+use super::template::{Slot, fill, fill_json};
+use super::{Delivery, Notice};
 
 const REDIRECTS: u32 = 3;
 
@@ -22,17 +23,8 @@ pub(super) fn send(
 ) -> Delivery {
     match request(target, url, token, notice, picture) {
         Ok(request) => ask(request),
-        Err(error) => Delivery::Refused(error.to_string()),
+        Err(why) => Delivery::Refused(why),
     }
-}
-
-/// Why no valid request results after the placeholders are replaced.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum RequestError {
-    #[error("its url is not valid")]
-    Url,
-    #[error("its header field `{0}` is not valid")]
-    Header(String),
 }
 
 /// Builds the request to a webhook, with all placeholders replaced. The error contains neither
@@ -43,19 +35,19 @@ pub fn request(
     token: &str,
     notice: &Notice,
     picture: Option<&[u8]>,
-) -> Result<Request<Vec<u8>>, RequestError> {
+) -> Result<Request<Vec<u8>>, String> {
     let content = content(target, token, notice, picture);
     let url = fill(url, notice, token, Slot::Url);
     let request = Request::post(url);
     let mut request = request
         .header("content-type", content.kind.as_ref())
         .body(content.bytes)
-        .map_err(|_| RequestError::Url)?;
+        .map_err(|_| "its url is not valid")?;
     for (name, value) in &target.headers {
         let value = fill(value, notice, token, Slot::Header);
         let field = HeaderName::from_bytes(name.as_bytes());
         let (Ok(field), Ok(value)) = (field, HeaderValue::from_str(&value)) else {
-            return Err(RequestError::Header(name.clone()));
+            return Err(format!("its header field `{name}` is not valid"));
         };
         request.headers_mut().insert(field, value);
     }
@@ -105,11 +97,97 @@ fn failed(error: &ureq::Error) -> Delivery {
     })
 }
 
+/// What is sent to a webhook or a broker: a text, JSON, a picture, or a form with text and picture.
+#[derive(Debug, PartialEq)]
+pub(super) struct Content {
+    pub(super) kind: Cow<'static, str>,
+    pub(super) bytes: Vec<u8>,
+}
+
+pub(super) fn content(
+    target: &Target,
+    token: &str,
+    notice: &Notice,
+    picture: Option<&[u8]>,
+) -> Content {
+    let json = target
+        .json
+        .as_ref()
+        .map(|json| fill_json(json, notice, token));
+    let body = target.body.as_deref().unwrap_or("{text}");
+    let text = || fill(body, notice, token, Slot::Plain);
+    match (picture, target.picture, json) {
+        (Some(picture), PictureMode::Body, _) => Content {
+            kind: "image/jpeg".into(),
+            bytes: picture.to_vec(),
+        },
+        (Some(picture), PictureMode::Form, json) => {
+            let name = notice.picture.as_ref().and_then(|path| path.file_name());
+            let name = name.unwrap_or_default().to_string_lossy();
+            let boundary = boundary();
+            Content {
+                kind: format!("multipart/form-data; boundary={boundary}").into(),
+                bytes: form(&boundary, &fields(json, text), &name, picture),
+            }
+        }
+        (_, _, Some(json)) => Content {
+            kind: "application/json".into(),
+            bytes: json.to_string().into_bytes(),
+        },
+        _ => Content {
+            kind: "text/plain; charset=utf-8".into(),
+            bytes: text().into_bytes(),
+        },
+    }
+}
+
+fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String)> {
+    let Some(Value::Object(map)) = json else {
+        return vec![("body".to_owned(), text())];
+    };
+    let plain = |value: Value| match value {
+        Value::String(text) => text,
+        value => value.to_string(),
+    };
+    map.into_iter()
+        .map(|(key, value)| (key, plain(value)))
+        .collect()
+}
+
+/// Returns the separator of a form's parts. It is random, so that no text or picture of a script or
+/// robot can contain it and add a part.
+fn boundary() -> String {
+    format!("spykee-{:032x}", rand::random::<u128>())
+}
+
+/// Encodes a form. The field names come from the config, their texts from any source.
+fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
+    let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
+    let mut bytes = Vec::new();
+    for (key, value) in fields {
+        let key = quoted(key);
+        let part = format!(
+            "--{boundary}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
+             Content-Type: text/plain; charset=utf-8\r\n\r\n{value}\r\n"
+        );
+        bytes.extend_from_slice(part.as_bytes());
+    }
+    let name = quoted(name);
+    let head = format!(
+        "--{boundary}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
+         Content-Type: image/jpeg\r\n\r\n"
+    );
+    bytes.extend_from_slice(head.as_bytes());
+    bytes.extend_from_slice(picture);
+    bytes.extend_from_slice(format!("\r\n--{boundary}--\r\n").as_bytes());
+    bytes
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::notify::{PictureMode, Rule};
-    use serde_json::{Value, json};
+    use crate::notify::Rule;
+    use serde_json::json;
 
     fn notice() -> Notice {
         Notice {

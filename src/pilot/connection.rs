@@ -11,8 +11,9 @@ use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
 use crate::link::{
-    AcceptedLogin, Backoff, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
+    AcceptedLogin, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
+use crate::rate_limit::Backoff;
 use crate::robot_socket::FormerLink;
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -125,7 +126,7 @@ impl Connection {
         Connection {
             connector,
             state,
-            backoff: Backoff::new(options),
+            backoff: Backoff::new(options.first_pause, options.longest_pause),
             rng: StdRng::seed_from_u64(seed),
             last_words,
             released: false,

@@ -1,6 +1,7 @@
 //! What scripts find in the camera's frames, for viewers. Sending never blocks: slow receivers miss
 //! some.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
@@ -12,8 +13,9 @@ const LONGEST: usize = 40;
 /// The most frames that a viewer may be behind.
 const BEHIND: usize = 32;
 
-/// One object found, in pixels of the frame.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// An object found in a frame, in pixels.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Found")]
 pub struct Detection {
     /// Left edge.
     pub x: u32,
@@ -23,7 +25,7 @@ pub struct Detection {
     pub w: u32,
     /// Height.
     pub h: u32,
-    /// Its label: the colour's name, or the track's id.
+    /// A label: the colour's name, the track's id.
     pub text: String,
 }
 

@@ -74,6 +74,13 @@ pub struct ScriptExit {
     pub message: Option<String>,
 }
 
+impl ScriptExit {
+    /// The message, or the reason in words.
+    pub fn text(&self) -> &str {
+        self.message.as_deref().unwrap_or(self.reason.sentence())
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
     /// The file, as messages show it.

@@ -3,28 +3,28 @@
 
 use std::collections::BTreeSet;
 use std::convert::Infallible;
-use std::future::Future;
 use std::time::Duration;
 
+use jiff::Timestamp;
 use tokio::sync::{mpsc, watch};
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use super::idle::{IdleAction, IdleRobot};
+use super::idle::{self, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{Listeners, Reload, ServicePlan, View, describe, idle};
+use super::{Listeners, Reload, ServicePlan, View};
 use crate::agent::{
     AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Docked, PilotClient,
     PilotClientError, Roster, RosterError,
 };
-use crate::clock;
-use crate::clock::Clock;
+use crate::clock::{self, Clock, Zone};
+use crate::control::Change;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockPlan, Priority, STOP_HOLDS};
-use crate::timetable::{Act, Notice, Planner, PlannerInputs, Record};
+use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority, STOP_HOLDS};
+use crate::timetable::{Act, Due, NextStart, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
@@ -187,11 +187,11 @@ impl Executor {
         let waiting = self.waiting.iter().filter(|name| !self.orders.has(name));
         let waiting: Vec<String> = waiting.cloned().collect();
         for name in waiting {
-            self.orders.start(name);
+            self.orders.give(Change::Start, name);
         }
     }
 
-    fn apply_quiet_hours(&mut self, now: jiff::Timestamp) {
+    fn apply_quiet_hours(&mut self, now: Timestamp) {
         let quiet = self.service_plan.quiet(now);
         if quiet == self.quiet {
             return;
@@ -199,59 +199,51 @@ impl Executor {
         // If the pilot's queue is full, the next poll tries again.
         if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
             self.quiet = quiet;
-            describe::log_quiet_hours(quiet);
+            log_quiet_hours(quiet);
         }
     }
 
     fn act(&mut self, act: Act) {
         match act {
-            Act::Start { run, .. } if self.stopped => {
-                warn!(behaviour = run, "is not started: {STOP_HOLDS}");
-                self.report_missed(&run, STOP_HOLDS.to_owned());
-                self.planner.ended(&run);
-            }
-            Act::Start {
-                run,
-                planned,
-                resumed,
-                ..
-            } => {
-                let planned = clock::describe(&self.service_plan.table.zone.time(planned));
-                if resumed {
-                    info!(
-                        behaviour = run,
-                        "resumes a run that was interrupted, from {planned}"
-                    )
-                } else {
-                    info!(
-                        behaviour = run,
-                        "starts by the timetable, planned for {planned}"
-                    )
-                }
-                self.orders.start(run);
-            }
+            Act::Start(due) => self.start(due),
             Act::End { run } => {
                 info!(behaviour = run, "its time is over");
-                self.orders.stop(run);
+                self.orders.give(Change::Stop, run);
             }
-            Act::Report(notice) => self.report_notice(&notice),
+            Act::Report(notice) => {
+                let zone = &self.service_plan.table.zone;
+                if let Some((run, reason)) = log_notice(&notice, zone) {
+                    self.report_missed(run, reason);
+                }
+            }
         }
     }
 
-    fn report_notice(&self, notice: &Notice) {
-        if let Some((run, reason)) = describe::log_notice(notice, &self.service_plan.table.zone) {
-            self.report_missed(run, reason.to_owned());
+    fn start(&mut self, due: Due) {
+        let run = due.run;
+        if self.stopped {
+            warn!(behaviour = run, "is not started: {STOP_HOLDS}");
+            self.report_missed(&run, STOP_HOLDS);
+            return self.planner.ended(&run);
         }
+        let doing = if due.resumed {
+            "resumes a run that was interrupted, from"
+        } else {
+            "starts by the timetable, planned for"
+        };
+        let planned = clock::describe(&self.service_plan.table.zone.time(due.planned));
+        info!(behaviour = run, "{doing} {planned}");
+        self.orders.give(Change::Start, run);
     }
 
-    fn report_missed(&self, run: &str, reason: String) {
+    fn report_missed(&self, run: &str, reason: impl Into<String>) {
         self.listeners.bus.publish(AgentEvent::StartMissed {
             behaviour: run.to_owned(),
-            reason,
+            reason: reason.into(),
         });
     }
 
-    fn check_clock(&mut self, now: jiff::Timestamp) {
+    fn check_clock(&mut self, now: Timestamp) {
         let implausible = !clock::is_plausible(now) && !self.service_plan.table.rules.is_empty();
         if implausible != self.implausible {
             self.implausible = implausible;
@@ -322,7 +314,7 @@ impl Executor {
                     return;
                 }
                 self.docking_task = None;
-                let done = describe::log_homing(&ended);
+                let done = log_homing(&ended);
                 self.idle.docked(done, Instant::now());
             }
         }
@@ -330,24 +322,17 @@ impl Executor {
 
     /// Applies a new plan. Behaviours that have not changed keep running.
     async fn reload(&mut self, reload: Reload) {
-        let Reload {
-            service_plan,
-            changed,
-        } = reload;
+        let service_plan = reload.service_plan;
         if let Err(why) = self.orders.define(service_plan.specs.clone()).await {
             return error!("the new settings were not applied: {why}");
         }
-        let known: BTreeSet<&str> = service_plan.specs.iter().map(|one| one.name()).collect();
         for run in self.running.clone() {
-            let gone = !known.contains(run.as_str());
-            if !gone && !changed.contains(&run) {
+            let gone = !service_plan.specs.iter().any(|spec| spec.name() == run);
+            if !gone && !reload.changed.contains(&run) {
                 continue;
             }
-            if gone {
-                self.orders.stop(run)
-            } else {
-                self.orders.restart(run)
-            }
+            let order = if gone { Change::Stop } else { Change::Restart };
+            self.orders.give(order, run);
         }
         let before = std::mem::replace(&mut self.service_plan, service_plan);
         let always = &self.service_plan.always;
@@ -362,23 +347,25 @@ impl Executor {
 
     /// Writes the record when something starts or ends, and every hour; not at each poll.
     fn save_record(&mut self) {
-        let Some(file) = &self.listeners.file else {
-            return;
-        };
         let record = self.planner.record();
-        if is_news(self.last_record.as_ref(), &record) && file.save(record.clone()) {
+        let is_news = is_news(self.last_record.as_ref(), &record);
+        if is_news && self.listeners.file.save(record.clone()) {
             self.last_record = Some(record);
         }
     }
 
-    fn publish_status(&mut self, status: &Status, now: jiff::Timestamp) {
+    fn publish_status(&mut self, status: &Status, now: Timestamp) {
         let next = if clock::is_plausible(now) {
             self.planner.next_start()
         } else {
             None
         };
         let view = View {
-            next: next.map(|(at, run)| (at, run.to_owned())),
+            next: next.map(|(at, run)| NextStart {
+                // Whole seconds.
+                at: Timestamp::from_second(at.as_second()).unwrap_or(at),
+                behaviour: run.to_owned(),
+            }),
             quiet: self.quiet != Quiet::Off,
         };
         self.listeners.view.send_if_modified(|shown| {
@@ -387,7 +374,7 @@ impl Executor {
             news
         });
         let running = self.running.iter().map(String::as_str);
-        let text = describe::status(status, running, next, &self.service_plan.table.zone);
+        let text = status_line(status, running, next, &self.service_plan.table.zone);
         if text != self.last_status {
             self.listeners.notifier.status(text.clone());
             self.last_status = text;
@@ -435,36 +422,25 @@ impl Orders {
         self.names.contains(run)
     }
 
-    pub(super) fn start(&mut self, run: String) {
+    pub(super) fn give(&mut self, order: Change, run: String) {
+        self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
-        let name = run.clone();
-        self.spawn(run, async move {
-            let started = roster.start(&name).await;
-            OrderResult::Started(name, started)
+        self.tasks.spawn(async move {
+            match order {
+                Change::Start => {
+                    let started = roster.start(&run, None).await;
+                    OrderResult::Started(run, started)
+                }
+                Change::Stop => {
+                    let stopped = roster.stop(&run).await;
+                    OrderResult::Changed(run, stopped)
+                }
+                Change::Restart => {
+                    let restarted = roster.restart(&run).await;
+                    OrderResult::Changed(run, restarted)
+                }
+            }
         });
-    }
-
-    pub(super) fn stop(&mut self, run: String) {
-        let roster = self.roster.without_timeout();
-        let name = run.clone();
-        self.spawn(run, async move {
-            let stopped = roster.stop(&name).await;
-            OrderResult::Changed(name, stopped)
-        });
-    }
-
-    pub(super) fn restart(&mut self, run: String) {
-        let roster = self.roster.without_timeout();
-        let name = run.clone();
-        self.spawn(run, async move {
-            let restarted = roster.restart(&name).await;
-            OrderResult::Changed(name, restarted)
-        });
-    }
-
-    fn spawn(&mut self, run: String, order: impl Future<Output = OrderResult> + Send + 'static) {
-        self.names.insert(run);
-        self.tasks.spawn(order);
     }
 
     /// Sends the idle robot to its station. Aborting the returned task cancels the docking.
@@ -498,6 +474,94 @@ async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, PilotClien
     client?.dock(DockPlan::DEFAULT).await
 }
 
+/// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
+/// reason.
+fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
+    let time = |at: &Timestamp| clock::describe(&zone.time(*at));
+    match notice {
+        Notice::Missed {
+            run,
+            planned,
+            count,
+        } => {
+            let planned = time(planned);
+            warn!(
+                behaviour = run,
+                count,
+                "a start was missed: the service did not run, or the clock was not set; the last one \
+                 was planned for {planned}"
+            );
+            Some((run.as_str(), "the service did not run then"))
+        }
+        Notice::NoRobot { run, planned } => {
+            let planned = time(planned);
+            warn!(
+                behaviour = run,
+                "a start was missed: no robot was connected; it was planned for {planned}"
+            );
+            Some((run.as_str(), "no robot was connected"))
+        }
+        Notice::Overlap { run, planned } => {
+            let planned = time(planned);
+            warn!(behaviour = run, "not started at {planned}: it still runs");
+            Some((run.as_str(), "it still runs"))
+        }
+        Notice::ClockSet { seconds } => {
+            info!("the clock was set by {seconds} s");
+            None
+        }
+    }
+}
+
+fn log_quiet_hours(quiet: Quiet) {
+    match quiet {
+        Quiet::Off => info!("quiet hours are over"),
+        Quiet::Scripts => info!("quiet hours: no sounds and no headlight but the alarm's"),
+        Quiet::WithAlarm => info!("quiet hours: no sounds, no headlight, no alarm"),
+    }
+}
+
+/// Logs the result of sending an idle robot to its station. Returns whether it arrived.
+fn log_homing(ended: &Result<Docked, PilotClientError>) -> bool {
+    let why = match ended {
+        Ok(Docked {
+            end: DockEnd::Done | DockEnd::AlreadyDocked,
+            ..
+        }) => {
+            info!("the idle robot is on its station");
+            return true;
+        }
+        Ok(docked) => docked.end.to_string(),
+        Err(why) => why.to_string(),
+    };
+    warn!("the idle robot is not on its station: {why}");
+    false
+}
+
+/// Returns the status line for the service manager: the robot, the running behaviours, and the next
+/// start.
+fn status_line<'a>(
+    status: &Status,
+    running: impl Iterator<Item = &'a str>,
+    next: Option<(Timestamp, &str)>,
+    zone: &Zone,
+) -> String {
+    let robot = match (status.link, status.link.absence()) {
+        (LinkState::Connecting, _) => "waiting for the robot".to_owned(),
+        (_, Some(words)) => words.to_owned(),
+        (_, None) if status.emergency_stop => "stopped by a person".to_owned(),
+        (_, None) => status.safety.to_string(),
+    };
+    let running: Vec<&str> = running.collect();
+    let running = if running.is_empty() {
+        "no behaviour runs".to_owned()
+    } else {
+        running.join(", ")
+    };
+    let next = next.map(|(at, run)| format!("; next {run} {}", clock::describe(&zone.time(at))));
+    format!("{robot}; {running}{}", next.unwrap_or_default())
+}
+
 #[cfg(test)]
 mod tests {
     use std::future::Future;
@@ -508,7 +572,7 @@ mod tests {
     use super::*;
     use crate::agent::{Bus, BusMessage, Listener};
     use crate::robot::{BehaviourId, Priority};
-    use crate::service::IdlePolicy;
+    use crate::service::{IdlePolicy, RecordFile};
     use crate::timetable::{Rule, Timetable};
 
     type Reply = oneshot::Sender<Result<(), RosterError>>;
@@ -565,7 +629,7 @@ mod tests {
                 heard: bus.subscribe(),
             };
             let listeners = Listeners {
-                file: None,
+                file: RecordFile::default(),
                 notifier: crate::service::ManagerNotifier::default(),
                 bus,
                 view: View::channel().0,

@@ -7,6 +7,7 @@ use tokio::time::Instant;
 
 use super::IdlePolicy;
 use crate::pilot::LinkState;
+use crate::rate_limit::Backoff;
 
 /// Pause after a failed docking: the first one; it doubles each time, up to the maximum.
 const PAUSE: Duration = Duration::from_secs(300);
@@ -40,7 +41,7 @@ pub(super) struct IdleRobot {
     /// Since when no behaviour runs and the robot is connected.
     since: Option<Instant>,
     docking: bool,
-    failures: u32,
+    backoff: Backoff,
     /// Earliest time of the next docking.
     next: Option<Instant>,
     asked: Option<LinkState>,
@@ -52,7 +53,7 @@ impl IdleRobot {
             policy,
             since: None,
             docking: false,
-            failures: 0,
+            backoff: Backoff::new(PAUSE, LONGEST_PAUSE),
             next: None,
             asked: None,
         }
@@ -69,12 +70,11 @@ impl IdleRobot {
     pub(super) fn docked(&mut self, done: bool, now: Instant) {
         self.docking = false;
         if done {
-            (self.failures, self.next) = (0, None);
+            self.backoff.reset();
+            self.next = None;
             return;
         }
-        let pause = PAUSE.saturating_mul(2u32.saturating_pow(self.failures));
-        self.next = Some(now + pause.min(LONGEST_PAUSE));
-        self.failures += 1;
+        self.next = Some(now + self.backoff.step());
     }
 
     pub(super) fn poll(&mut self, inputs: IdleInputs) -> Option<IdleAction> {
@@ -83,7 +83,8 @@ impl IdleRobot {
         }
         if inputs.busy || inputs.stopped {
             self.since = None;
-            (self.failures, self.next) = (0, None);
+            self.backoff.reset();
+            self.next = None;
             if std::mem::take(&mut self.docking) {
                 return Some(IdleAction::CancelDocking);
             }

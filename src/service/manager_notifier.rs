@@ -3,11 +3,12 @@
 //! read blocks nothing.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 use sd_notify::NotifyState;
-use tokio::sync::Notify;
+use tokio::sync::{Notify, mpsc};
 use tokio::time::Instant;
+
+use crate::side_thread::SideThread;
 
 /// Capacity of the queue. Further messages are dropped; the next change sends the current state.
 const WAITING: usize = 16;
@@ -22,7 +23,7 @@ enum ManagerMessage {
 /// Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
 pub struct ManagerNotifier {
-    messages: Option<SyncSender<ManagerMessage>>,
+    messages: Option<mpsc::Sender<ManagerMessage>>,
 }
 
 impl ManagerNotifier {
@@ -30,16 +31,13 @@ impl ManagerNotifier {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
             return ManagerNotifier::default();
         }
-        let (messages, received) = sync_channel(WAITING);
-        let thread = std::thread::Builder::new().name("sd-notify".into());
-        match thread.spawn(move || forward(&received)) {
-            Ok(_) => ManagerNotifier {
-                messages: Some(messages),
-            },
-            Err(error) => {
-                tracing::warn!("the service manager cannot be notified: no thread: {error}");
-                ManagerNotifier::default()
-            }
+        let (messages, received) = mpsc::channel(WAITING);
+        let started = SideThread::start("sd-notify", |_| forward(received));
+        let messages = started
+            .map_err(|error| tracing::warn!("the service manager cannot be notified: {error}"))
+            .map(|_| messages);
+        ManagerNotifier {
+            messages: messages.ok(),
         }
     }
 
@@ -81,7 +79,7 @@ impl ManagerNotifier {
     }
 }
 
-fn forward(messages: &Receiver<ManagerMessage>) {
+async fn forward(mut messages: mpsc::Receiver<ManagerMessage>) {
     let mut failed = false;
     let mut send = |state: &[NotifyState<'_>]| {
         if let (Err(error), false) = (sd_notify::notify(state), failed) {
@@ -89,7 +87,7 @@ fn forward(messages: &Receiver<ManagerMessage>) {
             failed = true;
         }
     };
-    while let Ok(message) = messages.recv() {
+    while let Some(message) = messages.recv().await {
         match message {
             ManagerMessage::Ready => send(&[NotifyState::Ready]),
             ManagerMessage::Status(text) => send(&[NotifyState::Status(&one_line(&text))]),

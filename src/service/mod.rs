@@ -2,22 +2,17 @@
 //! Nothing here runs on the driving core: a service that hangs does not affect the watchdog and the
 //! running behaviours, and systemd notices it (see [`ManagerNotifier::pass_on`]).
 
-mod describe;
 mod executor;
 mod idle;
 mod manager_notifier;
 mod record;
-mod unit;
 
+use std::path::Path;
 use std::time::Duration;
 
 use jiff::Timestamp;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
-
-pub use manager_notifier::ManagerNotifier;
-pub use record::{OpenedRecord, RecordFile};
-pub use unit::{Unit, unit};
 
 use self::executor::Executor;
 use crate::agent::{
@@ -26,8 +21,12 @@ use crate::agent::{
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
-pub use crate::timetable::View;
 use crate::timetable::{Planner, Timetable};
+
+pub use manager_notifier::ManagerNotifier;
+pub use record::RecordFile;
+
+pub use crate::timetable::View;
 
 /// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
@@ -76,7 +75,7 @@ pub struct Reload {
 }
 
 struct Listeners {
-    file: Option<RecordFile>,
+    file: RecordFile,
     notifier: ManagerNotifier,
     bus: Bus,
     view: watch::Sender<View>,
@@ -88,7 +87,7 @@ pub struct Service {
     pub status: watch::Receiver<Status>,
     pub clock: Clock,
     pub service_plan: ServicePlan,
-    pub record: OpenedRecord,
+    pub record: RecordFile,
     pub notifier: ManagerNotifier,
     /// Publishes missed starts; the bus of the agent's plan.
     pub bus: Bus,
@@ -103,7 +102,7 @@ impl Service {
     pub fn in_simulation(
         mut plan: Plan,
         service_plan: ServicePlan,
-        record: OpenedRecord,
+        record: RecordFile,
         seed: u64,
     ) -> Service {
         plan.stays = true;
@@ -127,37 +126,98 @@ impl Service {
 
     /// Runs until `stop` is cancelled.
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
-        let Service {
-            agent,
-            status,
-            clock,
-            service_plan,
-            record: OpenedRecord { record, file },
-            notifier,
-            bus,
-            view,
-            reloads,
-        } = self;
         let mut executor = Executor::new(
-            agent.roster(),
-            agent.requests(),
-            status,
-            clock,
-            Planner::new(service_plan.table.clone(), record),
-            service_plan,
+            self.agent.roster(),
+            self.agent.requests(),
+            self.status,
+            self.clock,
+            Planner::new(self.service_plan.table.clone(), self.record.record.clone()),
+            self.service_plan,
             Listeners {
-                file,
-                notifier: notifier.clone(),
-                bus,
-                view,
+                file: self.record,
+                notifier: self.notifier.clone(),
+                bus: self.bus,
+                view: self.view,
             },
         );
         let outcome = tokio::select! {
             biased;
-            outcome = agent.run(stop.clone()) => outcome,
-            never = executor.work(reloads, stop) => match never {},
+            outcome = self.agent.run(stop.clone()) => outcome,
+            never = executor.work(self.reloads, stop) => match never {},
         };
-        notifier.stopping();
+        self.notifier.stopping();
         outcome
+    }
+}
+
+/// The settings of the unit that differ between installations.
+#[derive(Debug, Clone)]
+pub struct Unit<'a> {
+    pub program: &'a Path,
+    pub config: &'a Path,
+    /// A file with the robot's password, which systemd passes to the service; `None`: the robot's
+    /// default password.
+    pub password: Option<&'a Path>,
+    /// The user that runs the service; `None`: systemd creates one, called spykee.
+    pub user: Option<&'a str>,
+}
+
+pub fn unit(unit: &Unit<'_>) -> String {
+    let program = escaped(unit.program);
+    let config = escaped(unit.config);
+    let password = unit.password.map_or_else(String::new, |path| {
+        format!("LoadCredential=password:{}\n", escaped(path))
+    });
+    let user = match unit.user {
+        Some(name) => format!("User={}", name.replace('%', "%%")),
+        None => "DynamicUser=yes\nUser=spykee".to_owned(),
+    };
+    TEMPLATE
+        .replace("@USER@", &user)
+        .replace("@PROGRAM@", &program)
+        .replace("@CONFIG@", &config)
+        .replace("@PASSWORD@\n", &password)
+}
+
+fn escaped(path: &Path) -> String {
+    let text = path.display().to_string().replace('%', "%%");
+    if text.contains([' ', '"', '\\', '\'']) {
+        format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+    } else {
+        text
+    }
+}
+
+const TEMPLATE: &str = include_str!("spykee.service");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_placeholders_of_the_unit_are_filled() {
+        let of = Unit {
+            program: Path::new("/opt/my robot/spykee"),
+            config: Path::new("/etc/spykee/100%.yaml"),
+            password: Some(Path::new("/etc/spykee/password")),
+            user: None,
+        };
+        let text = unit(&of);
+        assert!(
+            text.contains(
+                "ExecStart=\"/opt/my robot/spykee\" serve --config /etc/spykee/100%%.yaml"
+            )
+        );
+        assert!(text.contains("LoadCredential=password:/etc/spykee/password\n"));
+        assert!(text.contains("DynamicUser=yes\nUser=spykee\n"));
+        assert!(!text.contains("@PROGRAM@") && !text.contains("@CONFIG@"));
+        let without = unit(&Unit {
+            password: None,
+            user: Some("rover"),
+            ..of
+        });
+        assert!(!without.contains("LoadCredential") && !without.contains("@PASSWORD@"));
+        assert!(without.contains("\nUser=rover\n") && !without.contains("DynamicUser"));
+        assert!(!without.contains("@USER@"));
     }
 }

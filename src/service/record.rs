@@ -1,76 +1,76 @@
 //! The file that records the runs that the timetable has under way, so that the next service can
 //! resume them after a power cut. A separate thread writes it; a slow or full disk blocks nothing.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use crate::clock::until;
 use crate::files::Folder;
+use crate::side_thread::SideThread;
 use crate::timetable::Record;
 
 /// Name of the file, in the data folder.
 const NAME: &str = "schedule.json";
 /// Maximum length of a file that is read.
 const MAX_LEN: u64 = 1 << 16;
-/// Capacity of the queue to the writing thread, which writes the newest record.
-const WAITING: usize = 4;
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 
 /// The record of the previous service, and the file for new ones.
 #[derive(Debug, Default)]
-pub struct OpenedRecord {
+pub struct RecordFile {
     /// What was under way when the previous service ended.
-    pub record: Record,
-    /// Without a file nothing is recorded.
-    pub file: Option<RecordFile>,
+    pub(super) record: Record,
+    /// Without one nothing is recorded.
+    writer: Option<Writer>,
 }
 
 #[derive(Debug)]
-pub struct RecordFile(Writer);
-
-#[derive(Debug)]
 enum Writer {
-    Thread(SyncSender<Record>),
+    /// The newest record, for the thread that writes it.
+    Thread(watch::Sender<Option<Record>>),
     Here(Disk),
 }
 
 impl RecordFile {
     /// Reads the record in this data folder, and opens the file for new ones. If the file cannot be
     /// read, this is logged and the record is empty.
-    pub fn open(data: &Path) -> OpenedRecord {
-        let Some((record, disk)) = Disk::open(data) else {
-            return OpenedRecord::default();
-        };
-        let (records, received) = sync_channel(WAITING);
-        let writing = std::thread::Builder::new().name("record".into());
-        let started = writing.spawn(move || write_all(&disk, &received));
-        let file = started.map(|_| RecordFile(Writer::Thread(records)));
-        OpenedRecord {
-            record,
-            file: file.ok(),
-        }
+    pub fn open(data: &Path) -> RecordFile {
+        RecordFile::open_with(data, |disk| {
+            let (newest, records) = watch::channel(None);
+            let started = SideThread::start("record", |_| write_all(disk, records));
+            started.ok().map(|_| Writer::Thread(newest))
+        })
     }
 
     /// Same as [`RecordFile::open`] for a simulation, whose time stands still while the disk works:
     /// records are written at once, on the caller's thread.
-    pub fn open_in_simulation(data: &Path) -> OpenedRecord {
+    pub fn open_in_simulation(data: &Path) -> RecordFile {
+        RecordFile::open_with(data, |disk| Some(Writer::Here(disk)))
+    }
+
+    fn open_with(data: &Path, writer: impl FnOnce(Disk) -> Option<Writer>) -> RecordFile {
         match Disk::open(data) {
-            Some((record, disk)) => OpenedRecord {
-                record,
-                file: Some(RecordFile(Writer::Here(disk))),
+            Some(disk) => RecordFile {
+                record: disk.read(),
+                writer: writer(disk),
             },
-            None => OpenedRecord::default(),
+            None => RecordFile::default(),
         }
     }
 
-    /// Queues a record to be written; returns whether it was accepted. Does not wait for the disk:
-    /// if the queue is full, the record is dropped, and the caller has to pass it again.
+    /// Has a record written, in place of older ones that still wait; returns whether it was
+    /// accepted. Does not wait for the disk, except in a simulation.
     pub(super) fn save(&self, record: Record) -> bool {
-        match &self.0 {
-            Writer::Thread(records) => records.try_send(record).is_ok(),
-            Writer::Here(disk) => disk.write(&record),
+        match &self.writer {
+            Some(Writer::Thread(newest)) => newest.send(Some(record)).is_ok(),
+            Some(Writer::Here(disk)) => disk.write(&record),
+            None => true,
         }
     }
 }
@@ -92,7 +92,7 @@ struct Disk {
 }
 
 impl Disk {
-    fn open(data: &Path) -> Option<(Record, Disk)> {
+    fn open(data: &Path) -> Option<Disk> {
         let folder = match Folder::make(data) {
             Ok(folder) => folder,
             Err(error) => {
@@ -103,26 +103,20 @@ impl Disk {
                 return None;
             }
         };
-        let path = data.join(NAME);
-        let failed = AtomicBool::new(false);
-        let disk = Disk {
+        Some(Disk {
             folder,
-            path,
-            failed,
-        };
-        Some((disk.read(), disk))
+            path: data.join(NAME),
+            failed: AtomicBool::new(false),
+        })
     }
 
     fn read(&self) -> Record {
-        let read = self.folder.read(NAME, MAX_LEN);
-        let parsed = read.map_err(|error| error.to_string()).and_then(|bytes| {
-            let parse = |bytes: Vec<u8>| serde_json::from_slice(&bytes);
-            bytes
-                .map(parse)
-                .transpose()
-                .map_err(|error| error.to_string())
-        });
-        parsed.map(Option::unwrap_or_default).unwrap_or_else(|why| {
+        let parsed = match self.folder.read(NAME, MAX_LEN) {
+            Ok(Some(bytes)) => serde_json::from_slice(&bytes).map_err(io::Error::from),
+            Ok(None) => Ok(Record::default()),
+            Err(error) => Err(error.into()),
+        };
+        parsed.unwrap_or_else(|why| {
             let path = self.path.display();
             tracing::warn!("an interrupted run cannot resume: {path}: {why}");
             Record::default()
@@ -144,27 +138,20 @@ impl Disk {
     }
 }
 
-/// Writes records until the queue is closed. A failed write is retried, unless a newer record has
-/// arrived.
-fn write_all(disk: &Disk, records: &Receiver<Record>) {
-    let mut unwritten: Option<Record> = None;
+/// Writes the newest record until there will be no more. A failed write is retried.
+async fn write_all(disk: Disk, mut newest: watch::Receiver<Option<Record>>) {
+    let mut retry = None;
     loop {
-        let next = match &unwritten {
-            None => records.recv().ok(),
-            Some(_) => match records.recv_timeout(AGAIN) {
-                Ok(newer) => Some(newer),
-                Err(RecvTimeoutError::Timeout) => unwritten.take(),
-                Err(RecvTimeoutError::Disconnected) => None,
-            },
-        };
-        let Some(mut record) = next else { return };
-        while let Ok(newer) = records.try_recv() {
-            record = newer;
+        tokio::select! {
+            changed = newest.changed() => if changed.is_err() { return },
+            () = until(retry) => {}
         }
-        unwritten = if disk.write(&record) {
+        let record = newest.borrow_and_update().clone();
+        let written = record.is_none_or(|record| disk.write(&record));
+        retry = if written {
             None
         } else {
-            Some(record)
+            Some(Instant::now() + AGAIN)
         };
     }
 }
@@ -188,7 +175,7 @@ mod tests {
                 waits: false,
             }],
         };
-        assert!(opened.file.unwrap().save(record.clone()));
+        assert!(opened.save(record.clone()));
         let path = home.path().join(NAME);
         while !path.exists() {
             std::thread::yield_now();
@@ -201,22 +188,21 @@ mod tests {
     #[test]
     fn in_a_laboratory_records_are_written_at_once() {
         let home = tempfile::tempdir().unwrap();
-        let file = RecordFile::open_in_simulation(home.path()).file;
+        let file = RecordFile::open_in_simulation(home.path());
         let record = Record {
             looked: Some(8),
             under_way: Vec::new(),
         };
-        assert!(file.unwrap().save(record.clone()));
+        assert!(file.save(record.clone()));
         assert_eq!(RecordFile::open_in_simulation(home.path()).record, record);
     }
 
     #[test]
     fn a_failed_write_can_be_repeated() {
         let home = tempfile::tempdir().unwrap();
-        let file = RecordFile::open_in_simulation(home.path()).file;
+        let file = RecordFile::open_in_simulation(home.path());
         // A folder in the file's place takes no record.
         std::fs::create_dir(home.path().join(NAME)).unwrap();
-        let file = file.unwrap();
         assert!(!file.save(Record::default()));
         std::fs::remove_dir(home.path().join(NAME)).unwrap();
         assert!(file.save(Record::default()));

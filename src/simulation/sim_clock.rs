@@ -6,6 +6,8 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use schemars::JsonSchema;
+use serde::Serialize;
 use tokio::task::yield_now;
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
@@ -20,7 +22,8 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(4);
 const MAX_LAG: Duration = Duration::from_millis(50);
 
 /// Speed of the simulation: simulated seconds per second.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[schemars(inline)]
 pub struct TimeScale(f64);
 
 impl TimeScale {
@@ -42,11 +45,13 @@ impl TimeScale {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The state of a simulation's own clock.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "Clock")]
 pub struct ClockMode {
-    /// The clock is paused, except for single steps.
+    /// Whether it is paused, except for single steps.
     pub paused: bool,
-    /// The speed unless paused.
+    /// Simulated seconds per second unless paused, 1..=100.
     pub factor: TimeScale,
 }
 

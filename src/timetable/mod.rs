@@ -5,10 +5,8 @@
 
 mod pattern;
 mod planner;
-mod quiet;
 mod rule;
 
 pub use pattern::{Pattern, TimetableError};
-pub use planner::{Act, Notice, Planner, PlannerInputs, Record, UnderWay};
-pub use quiet::Quiet;
-pub use rule::{PredictedStart, Reason, Rule, Timetable, View, predict_starts};
+pub use planner::{Act, Due, Notice, Planner, PlannerInputs, Record, UnderWay};
+pub use rule::{NextStart, PredictedStart, Quiet, Reason, Rule, Timetable, View, predict_starts};

@@ -32,13 +32,15 @@ pub struct PlannerInputs<'a> {
     pub running: &'a [String],
 }
 
-#[derive(Debug, Clone)]
-struct Due {
-    run: String,
-    planned: Timestamp,
-    lasts: Option<Duration>,
-    /// Whether this resumes an interrupted run.
-    resumed: bool,
+/// A start that is due.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Due {
+    pub run: String,
+    pub planned: Timestamp,
+    /// It will be ended after this time.
+    pub lasts: Option<Duration>,
+    /// Whether this resumes a run that was under way when the program ended.
+    pub resumed: bool,
     expires: Option<Instant>,
 }
 
@@ -332,28 +334,16 @@ impl Planner {
     }
 
     fn start(&mut self, due: Due, inputs: PlannerInputs<'_>) -> Act {
-        let Due {
-            run,
-            planned,
-            lasts,
-            resumed,
-            ..
-        } = due.clone();
-        let until = lasts.map(|lasts| {
+        let until = due.lasts.map(|lasts| {
             let shown = inputs.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
             (inputs.at + lasts, shown)
         });
         self.started.push(ActiveRun {
-            due,
+            due: due.clone(),
             until,
             ending: false,
         });
-        Act::Start {
-            run,
-            planned,
-            lasts,
-            resumed,
-        }
+        Act::Start(due)
     }
 }
 
@@ -367,14 +357,7 @@ pub enum Act {
     /// Start a behaviour. If that fails, the caller reports it with
     /// [`Planner::ended`](super::Planner::ended), or if the robot was not connected, with
     /// [`Planner::postpone`](super::Planner::postpone).
-    Start {
-        run: String,
-        planned: Timestamp,
-        /// It will be ended after this time.
-        lasts: Option<Duration>,
-        /// Whether this resumes a run that was under way when the program ended.
-        resumed: bool,
-    },
+    Start(Due),
     End {
         run: String,
     },
@@ -480,7 +463,7 @@ mod tests {
             };
             for act in self.planner.poll(inputs) {
                 match &act {
-                    Act::Start { run, .. } => self.running.push(run.clone()),
+                    Act::Start(due) => self.running.push(due.run.clone()),
                     Act::End { run } => {
                         self.running.retain(|name| name != run);
                         self.planner.ended(run);
@@ -510,7 +493,8 @@ mod tests {
         fn starts(&self) -> Vec<String> {
             let zone: Zone = "Europe/Rome".parse().unwrap();
             let start = |(at, act): &(Timestamp, Act)| match act {
-                Act::Start { run, .. } => {
+                Act::Start(due) => {
+                    let run = &due.run;
                     Some(format!("{run} {}", zone.time(*at).strftime("%d %H:%M")))
                 }
                 _ => None,
@@ -620,13 +604,12 @@ mod tests {
         let record = world.planner.record();
         let mut next = World::after(patrol(), "2026-05-04 09:20", record.clone());
         next.pass(60 * MINUTE);
-        let expected = Act::Start {
-            run: "patrol".to_owned(),
-            planned: when("2026-05-04 09:00"),
-            lasts: Some(10 * MINUTE),
-            resumed: true,
+        let Act::Start(resumed) = &next.acts[0].1 else {
+            panic!("{:?}", next.acts);
         };
-        assert_eq!(next.acts[0].1, expected);
+        assert!(resumed.resumed && resumed.run == "patrol");
+        assert_eq!(resumed.planned, when("2026-05-04 09:00"));
+        assert_eq!(resumed.lasts, Some(10 * MINUTE));
         assert_eq!(next.acts[1].0, when("2026-05-04 09:30"));
         assert_eq!(next.acts.len(), 2);
         let mut late = World::after(patrol(), "2026-05-04 09:31", record);
@@ -774,7 +757,7 @@ mod tests {
                 world.pass(MINUTE * u32::try_from(minutes).unwrap());
                 for (_, act) in &world.acts {
                     match act {
-                        Act::Start { run, .. } => {
+                        Act::Start(Due { run, .. }) => {
                             prop_assert!(!runs.contains(run), "{run} twice");
                             runs.push(run.clone());
                         }

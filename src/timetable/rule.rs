@@ -1,12 +1,18 @@
 //! The timetable of the config, its view for display, and the starts that it leads to.
 
-use jiff::Timestamp;
+use std::fmt;
+use std::str::FromStr;
+
+use jiff::civil::Time;
+use jiff::{Timestamp, Unit};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::watch;
 
-use super::{Pattern, Quiet};
+use super::Pattern;
+use super::pattern::TimetableError;
 use crate::clock::{Span, Zone};
+use crate::yaml;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -33,11 +39,22 @@ pub struct Timetable {
     pub catch_up: Span,
 }
 
+/// A start of the timetable.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "Start")]
+pub struct NextStart {
+    /// The time in UTC, in RFC 3339 format: `2026-05-04T07:00:00Z`.
+    #[schemars(with = "String", extend("format" = "date-time"))]
+    pub at: Timestamp,
+    /// The behaviour.
+    pub behaviour: String,
+}
+
 /// The next start and the quiet hours. Both are unset in a run without a timetable.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct View {
-    /// The next start of the timetable: its time and its behaviour.
-    pub next: Option<(Timestamp, String)>,
+    /// The next start of the timetable.
+    pub next: Option<NextStart>,
     pub quiet: bool,
 }
 
@@ -66,7 +83,9 @@ impl PredictedStart {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
 pub enum Reason {
     /// It is a quiet hour: no sounds and no headlight.
     Quiet,
@@ -130,4 +149,92 @@ pub fn predict_starts(
         });
     }
     found
+}
+
+/// A span from one time of day to another, which is on the next day if it is earlier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quiet {
+    from: Time,
+    to: Time,
+}
+
+impl Quiet {
+    pub fn covers(&self, instant: Timestamp, zone: &Zone) -> bool {
+        let time = zone.time(instant).time();
+        if self.from <= self.to {
+            (self.from..self.to).contains(&time)
+        } else {
+            time >= self.from || time < self.to
+        }
+    }
+}
+
+impl FromStr for Quiet {
+    type Err = TimetableError;
+
+    fn from_str(text: &str) -> Result<Quiet, TimetableError> {
+        let wrong = || TimetableError::Quiet(text.to_owned());
+        let (from, to) = text.split_once('-').ok_or_else(wrong)?;
+        let time = |text: &str| {
+            let time: Option<Time> = text.trim().parse().ok();
+            time.filter(|time| time.round(Unit::Minute).ok() == Some(*time))
+        };
+        match (time(from), time(to)) {
+            (Some(from), Some(to)) if from != to => Ok(Quiet { from, to }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl fmt::Display for Quiet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words = |time: Time| time.strftime("%H:%M").to_string();
+        write!(f, "{}-{}", words(self.from), words(self.to))
+    }
+}
+
+impl Serialize for Quiet {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Quiet {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Quiet, D::Error> {
+        yaml::parsed_text(from, "hours such as 22:00-07:00", |text| {
+            Quiet::from_str(text).map_err(|why| format!("{why}, expected two times of day"))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Date;
+
+    #[test]
+    fn a_night_begins_in_the_evening_and_ends_in_the_morning() {
+        let (quiet, zone): (Quiet, Zone) = (
+            "22:00-07:00".parse().unwrap(),
+            "Europe/Rome".parse().unwrap(),
+        );
+        let at = |time: &str| {
+            let date: Date = format!("2026-03-29 {time}").parse().unwrap();
+            quiet.covers(date.at(&zone), &zone)
+        };
+        assert!(at("22:00") && at("23:59") && at("00:00") && at("06:59"));
+        assert!(!at("21:59") && !at("07:00") && !at("12:00"));
+        let noon: Quiet = "12:00 - 14:30".parse().unwrap();
+        assert_eq!(noon.to_string(), "12:00-14:30");
+        for wrong in [
+            "22:00",
+            "22-7",
+            "22:00-22:00",
+            "25:00-07:00",
+            "a-b",
+            "22:00-07:00:30",
+        ] {
+            assert!(wrong.parse::<Quiet>().is_err(), "{wrong}");
+        }
+    }
 }

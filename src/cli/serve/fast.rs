@@ -8,7 +8,7 @@ use crate::cli::robot_target::ChosenRobot;
 use crate::cli::{Console, Exit, Failure, startup};
 use crate::clock::{Span, Zone};
 use crate::config::Config;
-use crate::service::{OpenedRecord, Service};
+use crate::service::{RecordFile, Service};
 use crate::sim;
 use crate::simulation::{self, Simulation};
 use crate::wire::Login;
@@ -50,7 +50,7 @@ pub(super) fn serve(
         let mut plan = simulation.plan(Vec::new());
         plan.limit = limit;
         let journal = journal_options.map(|options| options.start(&plan.bus));
-        let no_record = OpenedRecord::default();
+        let no_record = RecordFile::default();
         let seed = simulation.seed();
         let service = Service::in_simulation(plan, loaded.service_plan, no_record, seed);
         let outcome = service.run(stop).await;
