@@ -3,11 +3,11 @@
 use jiff::Timestamp;
 use tracing::{info, warn};
 
-use crate::agent::{Docked, PilotClientError};
+use crate::agent::PilotClientError;
 use crate::clock::{self, Zone};
 use crate::pilot::{LinkState, Status};
-use crate::robot::DockEnd;
 use crate::robot::channel::Quiet;
+use crate::robot::{DockEnd, DockOutcome};
 use crate::timetable::Notice;
 
 /// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
@@ -58,9 +58,9 @@ pub(super) fn log_quiet_hours(quiet: Quiet) {
 }
 
 /// Logs the result of sending an idle robot to its station. Returns whether it arrived.
-pub(super) fn log_homing(ended: &Result<Docked, PilotClientError>) -> bool {
+pub(super) fn log_homing(ended: &Result<DockOutcome, PilotClientError>) -> bool {
     let why = match ended {
-        Ok(Docked {
+        Ok(DockOutcome {
             end: DockEnd::Done | DockEnd::AlreadyDocked,
             ..
         }) => {

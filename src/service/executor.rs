@@ -16,14 +16,14 @@ use super::idle::{IdleAction, IdleRobot};
 use super::record::is_news;
 use super::{Listeners, Reload, ServicePlan, View, describe, idle};
 use crate::agent::{
-    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Docked, PilotClient,
-    PilotClientError, Roster, RosterError,
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, PilotClient, PilotClientError,
+    Roster, RosterError,
 };
 use crate::clock;
 use crate::clock::Clock;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockPlan, Priority, STOP_HOLDS};
+use crate::robot::{BehaviourId, DockOutcome, DockPlan, Priority, STOP_HOLDS};
 use crate::timetable::{Act, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
@@ -406,7 +406,7 @@ pub(super) enum OrderResult {
     /// A stop or a restart.
     Changed(String, Result<(), RosterError>),
     /// An idle robot was sent home.
-    Home(Result<Docked, PilotClientError>),
+    Home(Result<DockOutcome, PilotClientError>),
 }
 
 /// Outstanding orders. They run concurrently: a script that loads slowly delays neither the
@@ -492,7 +492,7 @@ impl Orders {
 }
 
 /// Docks with the lowest priority. Dropping the future cancels the docking.
-async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, PilotClientError> {
+async fn send_home(requests: mpsc::Sender<Request>) -> Result<DockOutcome, PilotClientError> {
     let client =
         PilotClient::join(requests, IDLE_CLIENT, "an idle robot", LOWEST, Role::Person).await;
     client?.dock(DockPlan::DEFAULT).await
