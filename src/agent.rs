@@ -16,7 +16,7 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
-pub use self::pilot_client::{Docked, PilotClient, PilotClientError};
+pub use self::pilot_client::{PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
 pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
 pub use self::running_pilot::{

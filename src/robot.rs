@@ -4,10 +4,8 @@
 
 mod agent_event;
 pub mod channel;
-mod detection;
 mod event;
 mod frame;
-mod intent;
 mod param;
 mod quantity;
 mod stop_confirmation;
@@ -15,10 +13,12 @@ mod stop_confirmation;
 pub use agent_event::{
     AgentEvent, Bus, BusMessage, HostReport, Listener, TimedEvent, WatchdogState,
 };
-pub use detection::{Detection, Detections, ViewerChannel};
-pub use event::{DockEnd, EndReason, Event, MotionEnd, SafetyAction};
-pub use frame::{Frame, PartialFrame, Pictures, StreamOff, Streams, Use};
-pub use intent::{DockPlan, Intent};
+pub use event::{
+    DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd, SafetyAction,
+};
+pub use frame::{
+    Detection, Detections, Frame, PartialFrame, Pictures, StreamOff, Streams, Use, ViewerChannel,
+};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 use serde::{Deserialize, Serialize};

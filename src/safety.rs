@@ -31,7 +31,7 @@ pub use arbiter::{Arbiter, EndedMotion, WaitingMotion};
 pub use battery::{BatteryChange, BatteryMonitor, Charging, LowCause};
 pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker, Source};
-pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
+pub use docking::{DockAction, DockLimits, Docking, Retry};
 pub use drive_grant::{DriveGrant, capped};
 pub use gauge::{MotorLoad, PowerGauge, PowerMeaning};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};

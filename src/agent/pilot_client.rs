@@ -9,8 +9,8 @@ use tokio::time::sleep;
 use crate::clock::every;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
-    BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
-    Priority, Setpoint,
+    BehaviourId, CallId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
+    MotionId, Priority, Setpoint,
 };
 use crate::wire::Stream;
 
@@ -39,16 +39,6 @@ pub enum PilotClientError {
     /// The watchdog or the pilot has ended this client.
     #[error("{}", .0.sentence())]
     Ended(EndReason),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Docked {
-    /// How it ended.
-    pub end: DockEnd,
-    /// Attempts made.
-    pub attempts: u32,
-    /// Time taken.
-    pub took: Duration,
 }
 
 impl PilotClient {
@@ -101,19 +91,10 @@ impl PilotClient {
     }
 
     /// Goes to the station, and returns the outcome.
-    pub async fn dock(&mut self, plan: DockPlan) -> Result<Docked, PilotClientError> {
+    pub async fn dock(&mut self, plan: DockPlan) -> Result<DockOutcome, PilotClientError> {
         let call = CallId(self.next());
-        self.call(Intent::Dock { call, plan }, |event| match event {
-            Event::DockEnded {
-                call: of,
-                end,
-                attempts,
-                took,
-            } if *of == call => Some(Docked {
-                end: *end,
-                attempts: *attempts,
-                took: *took,
-            }),
+self.call(Intent::Dock { call, plan }, |event| match event {
+            Event::DockEnded { call: of, outcome } if *of == call => Some(*outcome),
             _ => None,
         })
         .await

@@ -1,10 +1,13 @@
-//! The events that scripts can listen to, and the tables that they carry.
+//! The events that scripts can listen to, the tables that they carry, and the sets of names that
+//! arguments and results are taken from.
 
-use super::choices::SAFETY_ACTION;
-use super::frame::FRAME;
-use super::make::{boolean, choice, number, table, text, value, whole};
-use super::model::{Choice, Event, Object, Type};
-use crate::wire::Stream;
+use super::model::{
+    Choice, Event, Object, Type, boolean, choice, number, table, text, value, whole,
+};
+use super::vision::FRAME;
+use crate::robot::{DockEnd, MotionEnd, SafetyAction};
+use crate::vision::Colour;
+use crate::wire::{Sound, Stream};
 
 /// Declares the events. Each line has the runtime's name of an event and its row of the API table.
 macro_rules! events {
@@ -71,10 +74,9 @@ impl EventName {
     }
 }
 
-pub(super) const BATTERY: Object = table(
-    "Battery",
-    "The battery's state.",
-    &[
+pub(super) const BATTERY: Object = table("Battery")
+    .doc("The battery's state.")
+    .fields(&[
         whole(
             "percent",
             "its level; nil if it is not known, as may happen while it charges",
@@ -89,13 +91,11 @@ pub(super) const BATTERY: Object = table(
         )
         .unit("min")
         .optional(),
-    ],
-);
+    ]);
 
-pub(super) const POSE_ESTIMATE: Object = table(
-    "PoseEstimate",
-    "The robot's estimated pose, from its tracks and its camera.",
-    &[
+pub(super) const POSE_ESTIMATE: Object = table("PoseEstimate")
+    .doc("The robot's estimated pose, from its tracks and its camera.")
+    .fields(&[
         number("x", "ahead of the origin").unit("m"),
         number("y", "to the left of the origin").unit("m"),
         number(
@@ -109,89 +109,68 @@ pub(super) const POSE_ESTIMATE: Object = table(
             "the estimated error of the heading, at most pi",
         )
         .unit("rad"),
-    ],
-);
+    ]);
 
-pub(super) const INFO: Object = table(
-    "Info",
-    "The identity of a robot.",
-    &[
-        text("uid", "its serial number"),
-        text("name", ""),
-        text("firmware", "its version"),
-        text("address", ""),
-        boolean("simulated", ""),
-    ],
-);
+pub(super) const INFO: Object = table("Info").doc("The identity of a robot.").fields(&[
+    text("uid", "its serial number"),
+    text("name", ""),
+    text("firmware", "its version"),
+    text("address", ""),
+    boolean("simulated", ""),
+]);
 
-pub(super) const DOCK_INFO: Object = table(
-    "DockInfo",
-    "Details of a docking.",
-    &[
-        whole("attempts", "number of tries"),
-        number("seconds", "duration").unit("s"),
-    ],
-);
+pub(super) const DOCK_INFO: Object = table("DockInfo").doc("Details of a docking.").fields(&[
+    whole("attempts", "number of tries"),
+    number("seconds", "duration").unit("s"),
+]);
 
-pub(super) const USAGE: Object = table(
-    "Usage",
-    "The resources that a script has used.",
-    &[
+pub(super) const USAGE: Object = table("Usage")
+    .doc("The resources that a script has used.")
+    .fields(&[
         number("cpu_ms", "CPU time").unit("ms"),
         whole("memory_bytes", "").unit("bytes"),
         number("worst_callback_ms", "the longest run without waiting").unit("ms"),
-    ],
-);
+    ]);
 
-pub(super) const AUDIO: Object = table(
-    "Audio",
-    "A chunk of sound from the microphone.",
-    &[
+pub(super) const AUDIO: Object = table("Audio")
+    .doc("A chunk of sound from the microphone.")
+    .fields(&[
         whole("rate", "samples per second: 16000").unit("Hz"),
         number("rms", "its loudness, 0 to 1"),
         number("peak", "its loudest sample, 0 to 1"),
         number("dbfs", "its loudness").unit("dBFS"),
         value("samples", Type::Buffer, "signed 16-bit numbers"),
-    ],
-);
+    ]);
 
-pub(super) const NOISE: Object = table(
-    "Noise",
-    "A sound above the configured level.",
-    &[
+pub(super) const NOISE: Object = table("Noise")
+    .doc("A sound above the configured level.")
+    .fields(&[
         number("dbfs", "its loudness").unit("dBFS"),
         boolean(
             "own",
             "whether the robot itself may be the source: it moves or makes a sound, or did just before",
         ),
-    ],
-);
+    ]);
 
-pub(super) const CONNECTED: Object = table(
-    "Connected",
-    "The robot was connected.",
-    &[text("address", "")],
-);
+pub(super) const CONNECTED: Object = table("Connected")
+    .doc("The robot was connected.")
+    .fields(&[text("address", "")]);
 
-pub(super) const DISCONNECTED: Object = table(
-    "Disconnected",
-    "The connection was lost.",
-    &[text("reason", "")],
-);
+pub(super) const DISCONNECTED: Object = table("Disconnected")
+    .doc("The connection was lost.")
+    .fields(&[text("reason", "")]);
 
-pub(super) const CHARGING: Object =
-    table("Charging", "Charging began or ended.", &[boolean("on", "")]);
+pub(super) const CHARGING: Object = table("Charging")
+    .doc("Charging began or ended.")
+    .fields(&[boolean("on", "")]);
 
-pub(super) const SAFETY: Object = table(
-    "Safety",
-    "An action of the watchdog.",
-    &[choice("action", SAFETY_ACTION, ""), text("reason", "")],
-);
+pub(super) const SAFETY: Object = table("Safety")
+    .doc("An action of the watchdog.")
+    .fields(&[choice("action", SAFETY_ACTION, ""), text("reason", "")]);
 
-pub(super) const DRIVE_GRANT: Object = table(
-    "DriveGrant",
-    "Permission to drive a robot with a low battery, for a limited time.",
-    &[
+pub(super) const DRIVE_GRANT: Object = table("DriveGrant")
+    .doc("Permission to drive a robot with a low battery, for a limited time.")
+    .fields(&[
         number(
             "seconds",
             "the longest duration; a stop or a second without motion ends the grant earlier",
@@ -202,11 +181,62 @@ pub(super) const DRIVE_GRANT: Object = table(
             "the limit of each track's power; higher power is scaled down",
         )
         .unit("%"),
-    ],
-);
+    ]);
 
-pub(super) const ENGINE: Object = table(
-    "Engine",
-    "An engine code that is not documented.",
-    &[whole("code", "")],
-);
+pub(super) const ENGINE: Object = table("Engine")
+    .doc("An engine code that is not documented.")
+    .fields(&[whole("code", "")]);
+
+pub(super) const LIGHT: &Choice = &Choice {
+    name: "Light",
+    what: "light",
+    names: || vec!["flash", "left", "right", "all"],
+};
+
+pub(super) const SOUND: &Choice = &Choice {
+    name: "Sound",
+    what: "sound",
+    names: || Sound::ALL.iter().map(|one| one.name()).collect(),
+};
+
+pub(super) const STREAM: &Choice = &Choice {
+    name: "Stream",
+    what: "stream",
+    names: || Stream::ALL.iter().map(|one| one.name()).collect(),
+};
+
+pub(super) const QUEUE: &Choice = &Choice {
+    name: "Queue",
+    what: "queue",
+    names: || vec!["latest", "all"],
+};
+
+pub(super) const COLOUR_NAME: &Choice = &Choice {
+    name: "ColourName",
+    what: "colour",
+    names: || Colour::NAMES.to_vec(),
+};
+
+pub(super) const MOTION_CODE: &Choice = &Choice {
+    name: "MotionCode",
+    what: "code",
+    names: || MotionEnd::ALL.iter().map(|one| one.name()).collect(),
+};
+
+pub(super) const DOCK_CODE: &Choice = &Choice {
+    name: "DockCode",
+    what: "code",
+    names: || DockEnd::ALL.iter().map(|one| one.name()).collect(),
+};
+
+pub(super) const SAFETY_ACTION: &Choice = &Choice {
+    name: "SafetyAction",
+    what: "action",
+    names: || SafetyAction::ALL.iter().map(|one| one.name()).collect(),
+};
+
+pub(super) const TASK_STATUS: &Choice = &Choice {
+    name: "TaskStatus",
+    what: "status",
+    names: || vec!["running", "done", "failed", "cancelled"],
+};

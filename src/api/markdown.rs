@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::model::{Function, Namespace, Object, Requirement, Type, Value};
+use super::model::{Function, Namespace, Object, Type, Value};
 
 /// Returns the text between the two markers in that file.
 pub fn markdown() -> String {
@@ -34,12 +34,9 @@ fn capital(text: &str) -> String {
 
 fn module(text: &mut String, module: &Namespace) {
     let Namespace { name, about, .. } = module;
-    let _ = writeln!(
-        text,
-        "#### `require(\"@spykee/{name}\")`\n\n{}.\n",
-        capital(about)
-    );
-    example(text, module.example);
+    let about = capital(about);
+    let _ = writeln!(text, "#### `require(\"@spykee/{name}\")`\n\n{about}.\n");
+    example(text, module.example());
     each_function(text, module.functions);
 }
 
@@ -50,7 +47,7 @@ fn each_function(text: &mut String, functions: &[Function]) {
 fn constants(text: &mut String, namespace: &Namespace) {
     for constant in namespace.constants {
         let _ = writeln!(text, "#### `{}`\n\n{}\n", constant.path, constant.doc);
-        example(text, constant.example);
+        example(text, constant.example());
     }
 }
 
@@ -73,7 +70,7 @@ fn function(text: &mut String, function: &Function) {
     if !(function.parameters.is_empty() && function.returns.is_empty() && function.rest.is_none()) {
         text.push('\n');
     }
-    example(text, function.example);
+    example(text, function.example());
 }
 
 fn result(value: &Value) -> String {
@@ -91,25 +88,18 @@ fn result(value: &Value) -> String {
 fn values(text: &mut String, values: &[Value]) {
     for value in values {
         if let Type::Options(keys) | Type::Named(keys) = value.kind {
+            let Value { name, doc, .. } = value;
             let _ = match value.kind {
                 Type::Options(_) => writeln!(text, "- options, a table:"),
-                _ => writeln!(
-                    text,
-                    "- `{}`, {}: a table for each, with",
-                    value.name, value.doc
-                ),
+                _ => writeln!(text, "- `{name}`, {doc}: a table for each, with"),
             };
             for key in keys {
-                let optional = if key.requirement == Requirement::Required {
-                    " (required)"
-                } else {
-                    ""
-                };
+                let optional = if key.is_required() { " (required)" } else { "" };
                 let _ = writeln!(text, "  - `{}`{optional}: {}", key.name, key.describe());
             }
             continue;
         }
-        let optional = if value.requirement == Requirement::Required {
+        let optional = if value.is_required() {
             ""
         } else {
             " (optional)"
@@ -136,7 +126,7 @@ fn events(text: &mut String) {
 fn object(text: &mut String, object: &Object) {
     let _ = writeln!(text, "#### {}\n\n{}\n", object.name, object.doc);
     for field in object.fields {
-        let may = if field.requirement == Requirement::Required {
+        let may = if field.is_required() {
             ""
         } else {
             " (may be nil)"
@@ -152,12 +142,8 @@ fn object(text: &mut String, object: &Object) {
 fn names(text: &mut String) {
     text.push_str("### Names\n\n| kind | names |\n| --- | --- |\n");
     for choice in super::choices() {
-        let _ = writeln!(
-            text,
-            "| {} | {} |",
-            choice.name,
-            (choice.names)().join(", ")
-        );
+        let names = (choice.names)().join(", ");
+        let _ = writeln!(text, "| {} | {names} |", choice.name);
     }
     text.push('\n');
 }

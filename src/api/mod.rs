@@ -2,11 +2,8 @@
 //! `spykee api`, the editor's definitions and the guide's reference come from them. A VM does not
 //! start if a native has no row, or a row has no native.
 
-mod choices;
 mod events;
-mod frame;
 mod luau;
-mod make;
 mod markdown;
 mod model;
 mod modules;
@@ -14,12 +11,9 @@ mod page;
 mod robot;
 mod scenario;
 mod script;
-mod task;
-mod text;
 mod vision;
 
 pub use events::EventName;
-pub use frame::PIXELS;
 pub use luau::{luau, module_stub};
 pub use markdown::markdown;
 pub use model::{
@@ -28,13 +22,14 @@ pub use model::{
 };
 pub use page::{known, list, page, titles};
 pub use robot::LONGEST_DRIVE;
+pub use vision::PIXELS;
 
 /// The namespaces that are available without `require`. Those with an empty name hold the functions
 /// without a namespace.
 pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
     const ALL: [&Namespace; 12] = [
         &robot::ROBOT,
-        &task::TASKS,
+        &script::TASKS,
         &vision::VISION,
         &script::LOG,
         &script::CLOCK,
@@ -56,14 +51,14 @@ pub fn modules() -> impl Iterator<Item = &'static Namespace> {
 /// Every kind of table and object that calls take or return and that events carry.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
     const ALL: [&Object; 28] = [
-        &frame::FRAME,
-        &frame::BLOB,
-        &frame::TRACK,
+        &vision::FRAME,
+        &vision::BLOB,
+        &vision::TRACK,
         &vision::TRACKER,
         &vision::DETECTOR,
         &vision::COLOUR,
         &vision::LEARNED,
-        &task::TASK,
+        &script::TASK,
         &robot::SUBSCRIPTION,
         &events::BATTERY,
         &events::POSE_ESTIMATE,
@@ -71,10 +66,10 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &events::DOCK_INFO,
         &events::USAGE,
         &script::DATE,
-        &frame::LINE,
-        &frame::QR_CODE,
-        &frame::CORNER,
-        &frame::MOTION,
+        &vision::LINE,
+        &vision::QR_CODE,
+        &vision::CORNER,
+        &vision::MOTION,
         &events::AUDIO,
         &events::NOISE,
         &events::CONNECTED,
@@ -95,15 +90,15 @@ pub fn events() -> impl Iterator<Item = &'static Event> {
 
 /// Every set of names that arguments and results are taken from.
 pub fn choices() -> impl Iterator<Item = &'static Choice> {
-    use choices::{
-        COLOUR_NAME, DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SAFETY_ACTION, SOUND, STREAM,
+    use events::{
+        COLOUR_NAME, DOCK_CODE, EVENT, LIGHT, MOTION_CODE, QUEUE, SAFETY_ACTION, SOUND, STREAM,
         TASK_STATUS,
     };
     const ALL: [&Choice; 10] = [
         LIGHT,
         SOUND,
         STREAM,
-        events::EVENT,
+        EVENT,
         QUEUE,
         COLOUR_NAME,
         MOTION_CODE,
@@ -123,6 +118,12 @@ pub fn methods() -> impl Iterator<Item = &'static Function> {
     objects().flat_map(|object| object.methods)
 }
 
+/// Every function: of namespaces, objects and modules.
+fn all_functions() -> impl Iterator<Item = &'static Function> {
+    let of_modules = modules().flat_map(|module| module.functions);
+    functions().chain(methods()).chain(of_modules)
+}
+
 /// Every field of a namespace that is not a function.
 pub fn constants() -> impl Iterator<Item = &'static Constant> {
     namespaces().flat_map(|namespace| namespace.constants)
@@ -131,9 +132,7 @@ pub fn constants() -> impl Iterator<Item = &'static Constant> {
 /// The function, method or module function with this path, such as `robot.move`, `Frame:save`
 /// or `bt.sequence`.
 pub fn function(path: &str) -> Option<&'static Function> {
-    let of_modules = modules().flat_map(|module| module.functions);
-    let mut all = functions().chain(methods()).chain(of_modules);
-    all.find(|function| function.path == path)
+    all_functions().find(|function| function.path == path)
 }
 
 pub fn namespace(name: &str) -> Option<&'static Namespace> {
@@ -155,9 +154,7 @@ pub fn event(name: &str) -> Option<&'static Event> {
 /// The names that completion offers, each with its path (`robot.move`, `Frame:save`, `Blob.cx`),
 /// its signature in Luau's notation, and its description.
 pub fn names() -> impl Iterator<Item = (String, String, &'static str)> {
-    let of_modules = modules().flat_map(|module| module.functions);
-    let functions = functions().chain(methods()).chain(of_modules);
-    let functions = functions.map(|one| (one.path.to_owned(), one.signature(), one.doc));
+    let functions = all_functions().map(|one| (one.path.to_owned(), one.signature(), one.doc));
     let constants = constants().map(|one| {
         let signature = format!("{}: {}", one.path, one.kind.luau());
         (one.path.to_owned(), signature, one.doc)
@@ -202,18 +199,35 @@ mod tests {
 
     #[test]
     fn every_entry_has_a_description_and_functions_have_an_example() {
-        let of_modules = modules().flat_map(|module| module.functions);
-        for function in functions().chain(methods()).chain(of_modules) {
+        for function in all_functions() {
             let path = function.path;
             assert!(function.doc.ends_with('.'), "{path}");
-            assert!(!function.example.is_empty(), "{path}");
+            assert!(!function.example().is_empty(), "{path}");
         }
         let objects = objects().map(|one| (one.name, one.doc));
         for (name, doc) in objects.chain(events().map(|one| (one.name, one.doc))) {
             assert!(doc.ends_with('.'), "{name}: {doc:?}");
         }
         for module in modules() {
-            assert!(module.example.contains(&format!("@spykee/{}", module.name)));
+            assert!(
+                module
+                    .example()
+                    .contains(&format!("@spykee/{}", module.name))
+            );
+        }
+    }
+
+    #[test]
+    fn every_example_belongs_to_an_entry() {
+        for path in model::EXAMPLES.keys() {
+            let is_constant = constants().any(|one| one.path == *path);
+            let is_module = path
+                .strip_prefix("@spykee/")
+                .is_some_and(|name| module(name).is_some());
+            assert!(
+                function(path).is_some() || is_constant || is_module,
+                "{path}"
+            );
         }
     }
 
@@ -243,8 +257,7 @@ mod tests {
     #[test]
     fn every_object_of_calls_and_events_is_listed() {
         let mut found = Vec::new();
-        let of_modules = modules().flat_map(|module| module.functions);
-        for function in functions().chain(methods()).chain(of_modules) {
+        for function in all_functions() {
             let values = function.parameters.iter().chain(function.returns);
             values.for_each(|value| named(&value.kind, &mut found));
         }

@@ -1,4 +1,22 @@
-//! The types that describe the API.
+//! The types that describe the API, with short constructors for the rows of its table.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::sync::LazyLock;
+
+/// The examples by the paths of their functions and constants, and by the names of modules. Each is
+/// preceded by a line `--- PATH`.
+pub(super) static EXAMPLES: LazyLock<BTreeMap<&str, &str>> = LazyLock::new(|| {
+    let sections = include_str!("examples.luau").split("--- ");
+    let sections = sections.filter_map(|section| section.split_once('\n'));
+    sections
+        .map(|(path, text)| (path, text.trim_end()))
+        .collect()
+});
+
+fn example(path: &str) -> &'static str {
+    EXAMPLES.get(path).copied().unwrap_or_default()
+}
 
 #[derive(Debug, Clone, Copy)]
 pub struct Function {
@@ -15,8 +33,6 @@ pub struct Function {
     pub pure: bool,
     /// A short description in whole sentences.
     pub doc: &'static str,
-    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
-    pub example: &'static str,
 }
 
 /// A parameter, an option, a result or a field.
@@ -104,8 +120,13 @@ pub struct Constant {
     pub kind: Type,
     /// A short description in whole sentences.
     pub doc: &'static str,
+}
+
+impl Constant {
     /// A complete example that can be run.
-    pub example: &'static str,
+    pub fn example(&self) -> &'static str {
+        example(self.path)
+    }
 }
 
 /// A kind of table or object.
@@ -139,8 +160,6 @@ pub struct Namespace {
     pub functions: &'static [Function],
     /// Its fields that are not functions.
     pub constants: &'static [Constant],
-    /// For a module, an example of its use; otherwise empty.
-    pub example: &'static str,
 }
 
 /// The scripts that can use a namespace.
@@ -155,6 +174,11 @@ pub enum Availability {
 }
 
 impl Function {
+    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
+    pub fn example(&self) -> &'static str {
+        example(self.path)
+    }
+
     /// The last part of its path.
     pub fn key(&self) -> &'static str {
         self.path.rsplit(['.', ':']).next().unwrap_or(self.path)
@@ -177,13 +201,20 @@ impl Function {
         values.any(|value| matches!(value.kind, Type::Handler | Type::Payload))
     }
 
+    /// The parameters of a call with this many arguments: see [`Function::forms`].
+    pub fn form(&self, arguments: usize) -> Vec<&'static Value> {
+        let mut forms = self.forms();
+        let short = forms.len() > 1 && forms[1].len() == arguments;
+        forms.swap_remove(usize::from(short))
+    }
+
     /// The parameter lists that a call may use: the full list and, if an optional parameter comes
     /// before a required one, the list without such optional parameters.
     pub fn forms(&self) -> Vec<Vec<&'static Value>> {
         let all: Vec<&Value> = self.parameters.iter().collect();
         let (head, tail) = all.split_at(self.required_len());
         let mut short: Vec<&Value> = head.to_vec();
-        short.retain(|value| value.requirement == Requirement::Required);
+        short.retain(|value| value.is_required());
         if short.len() == head.len() {
             return vec![all];
         }
@@ -193,13 +224,99 @@ impl Function {
 
     /// The number of parameters up to and including the last required one.
     pub fn required_len(&self) -> usize {
-        let needed = |value: &Value| value.requirement == Requirement::Required;
-        let last = self.parameters.iter().rposition(needed);
+        let last = self.parameters.iter().rposition(Value::is_required);
         last.map_or(0, |at| at + 1)
+    }
+
+    /// Its signature, such as `robot.led(name: Light, on: boolean): ()`.
+    pub fn signature(&self) -> String {
+        format!("{}{}", self.path, self.luau_type(": "))
+    }
+
+    /// Its parameters and results in Luau's notation, without a method's object.
+    pub fn luau_type(&self, arrow: &str) -> String {
+        format!("({}){arrow}{}", self.parameters_luau(), self.returns_luau())
+    }
+
+    pub(super) fn parameters_luau(&self) -> String {
+        let mut parameters: Vec<_> = self.parameters.iter().map(Value::named).collect();
+        if self.rest.is_some() {
+            parameters.push("...any".to_owned());
+        }
+        parameters.join(", ")
+    }
+
+    pub(super) fn returns_luau(&self) -> String {
+        let returns: Vec<_> = self.returns.iter().map(Value::luau).collect();
+        match returns.as_slice() {
+            [one] => one.clone(),
+            several => format!("({})", several.join(", ")),
+        }
+    }
+
+    /// The call as the documentation shows it: `robot.move(left, right [, seconds])`.
+    pub fn call(&self) -> String {
+        let mut text = format!("{}(", self.path);
+        for (at, value) in self.parameters.iter().enumerate() {
+            let comma = if at > 0 { ", " } else { "" };
+            let _ = if value.is_required() {
+                write!(text, "{comma}{}", value.name)
+            } else {
+                write!(text, " [{comma}{}]", value.name)
+            };
+        }
+        if self.rest.is_some() {
+            text += if self.parameters.is_empty() {
+                "..."
+            } else {
+                ", ..."
+            };
+        }
+        text.replace("( [", "([") + ")"
+    }
+
+    pub(super) const fn takes(self, parameters: &'static [Value]) -> Function {
+        Function { parameters, ..self }
+    }
+
+    pub(super) const fn returns(self, returns: &'static [Value]) -> Function {
+        Function { returns, ..self }
+    }
+
+    pub(super) const fn doc(self, doc: &'static str) -> Function {
+        Function { doc, ..self }
+    }
+
+    pub(super) const fn waiting(self) -> Function {
+        let waits = true;
+        Function { waits, ..self }
+    }
+
+    pub(super) const fn pure(self) -> Function {
+        let pure = true;
+        Function { pure, ..self }
+    }
+
+    /// Adds further arguments after the parameters, with their description.
+    pub(super) const fn with_rest(self, rest: &'static str) -> Function {
+        let rest = Some(rest);
+        Function { rest, ..self }
     }
 }
 
 impl Object {
+    pub(super) const fn doc(self, doc: &'static str) -> Object {
+        Object { doc, ..self }
+    }
+
+    pub(super) const fn fields(self, fields: &'static [Value]) -> Object {
+        Object { fields, ..self }
+    }
+
+    pub(super) const fn methods(self, methods: &'static [Function]) -> Object {
+        Object { methods, ..self }
+    }
+
     pub fn members(&self) -> Vec<&'static str> {
         let fields = self.fields.iter().map(|field| field.name);
         fields
@@ -207,12 +324,42 @@ impl Object {
             .collect()
     }
 
+    pub fn field(&self, name: &str) -> Option<&'static Value> {
+        self.fields.iter().find(|field| field.name == name)
+    }
+
     pub fn method(&self, key: &str) -> Option<&'static Function> {
         self.methods.iter().find(|method| method.key() == key)
+    }
+
+    /// Its name with an article, such as `a Frame` or `an Info`.
+    pub fn with_article(&self) -> String {
+        let vowel = self.name.starts_with(['A', 'E', 'I', 'O', 'U']) && self.name != "Usage";
+        let article = if vowel { "an" } else { "a" };
+        format!("{article} {}", self.name)
     }
 }
 
 impl Namespace {
+    pub(super) const fn functions(self, functions: &'static [Function]) -> Namespace {
+        Namespace { functions, ..self }
+    }
+
+    pub(super) const fn available(self, availability: Availability) -> Namespace {
+        Namespace {
+            availability,
+            ..self
+        }
+    }
+
+    /// For a module, an example of its use; otherwise empty.
+    pub fn example(&self) -> &'static str {
+        match self.availability {
+            Availability::Module => example(&format!("@spykee/{}", self.name)),
+            _ => "",
+        }
+    }
+
     pub fn function(&self, key: &str) -> Option<&'static Function> {
         self.functions.iter().find(|function| function.key() == key)
     }
@@ -229,6 +376,11 @@ impl Namespace {
 }
 
 impl Value {
+    /// Whether it must be given, or is never nil.
+    pub fn is_required(&self) -> bool {
+        self.requirement == Requirement::Required
+    }
+
     /// The word for it in messages: `light`, `the function`, `seconds`.
     pub fn label(&self) -> &'static str {
         match self.kind {
@@ -236,6 +388,72 @@ impl Value {
             kind if kind.is_function() => "the function",
             Type::Options(_) => "the options",
             _ => self.name,
+        }
+    }
+
+    /// Its type in Luau's notation, with a `?` if it may be nil.
+    pub fn luau(&self) -> String {
+        match (self.requirement, &self.kind) {
+            (Requirement::Required, kind) => kind.luau(),
+            (_, Type::Any | Type::Payload) => "any".to_owned(),
+            (_, kind @ Type::Function(_)) => format!("({})?", kind.luau()),
+            (_, kind) => format!("{}?", kind.luau()),
+        }
+    }
+
+    /// Its name and type in Luau's notation.
+    pub(super) fn named(&self) -> String {
+        format!("{}: {}", self.name, self.luau())
+    }
+
+    /// Its full description in one line, such as `a number between -100 and 100, in %: power`.
+    pub fn describe(&self) -> String {
+        if matches!(self.kind, Type::Any) && !self.doc.is_empty() {
+            return self.doc.to_owned();
+        }
+        let mut words = self.kind.describe();
+        if !self.unit.is_empty() {
+            let _ = write!(words, ", in {}", self.unit);
+        }
+        if let Requirement::Default(usual) = self.requirement {
+            let _ = write!(words, ", default {usual}");
+        }
+        if !self.doc.is_empty() {
+            let _ = write!(words, ": {}", self.doc);
+        }
+        words
+    }
+
+    pub(super) const fn unit(self, unit: &'static str) -> Value {
+        Value { unit, ..self }
+    }
+
+    /// Marks the value as optional: it may be left out, or may be nil.
+    pub(super) const fn optional(self) -> Value {
+        Value {
+            requirement: Requirement::Optional,
+            ..self
+        }
+    }
+
+    pub(super) const fn required(self) -> Value {
+        Value {
+            requirement: Requirement::Required,
+            ..self
+        }
+    }
+
+    pub(super) const fn default(self, number: f64) -> Value {
+        Value {
+            requirement: Requirement::Default(Literal::Number(number)),
+            ..self
+        }
+    }
+
+    pub(super) const fn default_is(self, on: bool) -> Value {
+        Value {
+            requirement: Requirement::Default(Literal::Boolean(on)),
+            ..self
         }
     }
 }
@@ -248,6 +466,63 @@ impl Type {
     /// Whether this is a function whose result the caller uses.
     pub fn wants_result(&self) -> bool {
         matches!(self, Type::Function(luau) if luau.ends_with(" boolean") || luau.ends_with(" any"))
+    }
+
+    /// The type in Luau's notation.
+    pub fn luau(&self) -> String {
+        match self {
+            Type::Any => "any".to_owned(),
+            Type::Boolean => "boolean".to_owned(),
+            Type::Number(_) | Type::Whole(_) => "number".to_owned(),
+            Type::Text(_) => "string".to_owned(),
+            Type::Function(luau) => format!("({luau})"),
+            Type::Buffer => "buffer".to_owned(),
+            Type::Choice(choice) => choice.name.to_owned(),
+            Type::Colours => "Colours".to_owned(),
+            Type::Roi => "Roi".to_owned(),
+            Type::Range => "{ number }".to_owned(),
+            Type::Fields => "{ [string]: any }".to_owned(),
+            Type::Object(object) => object.name.to_owned(),
+            Type::List(of) => format!("{{ {} }}", of.luau()),
+            Type::OneOrMore(of) => format!("({} | {{ {} }})", of.luau(), of.luau()),
+            Type::Payload => "any".to_owned(),
+            Type::Handler => "((payload: any) -> ...any)".to_owned(),
+            Type::Named(keys) => format!("{{ [string]: {} }}", Type::Options(keys).luau()),
+            Type::Options(keys) => {
+                let keys: Vec<_> = keys
+                    .iter()
+                    .map(|key| format!("{}: {}", key.name, key.luau()))
+                    .collect();
+                format!("{{ {} }}", keys.join(", "))
+            }
+        }
+    }
+
+    /// The accepted values in words: `a number between 0 and 100`, `one of ...`.
+    pub fn describe(&self) -> String {
+        match self {
+            Type::Any => "anything".to_owned(),
+            Type::Boolean => "true or false".to_owned(),
+            Type::Number(None) => "a number".to_owned(),
+            Type::Number(Some(bounds)) => format!("a number {}", bounds.describe()),
+            Type::Whole(None) => "a whole number".to_owned(),
+            Type::Whole(Some(bounds)) => format!("a whole number {}", bounds.describe()),
+            Type::Text(None) => "a string".to_owned(),
+            Type::Text(Some(most)) => format!("a string of at most {most} bytes"),
+            Type::Function(_) | Type::Handler => "a function".to_owned(),
+            Type::Buffer => "a buffer".to_owned(),
+            Type::Choice(choice) => format!("one of {}", (choice.names)().join(", ")),
+            Type::Colours => "a colour or a list of colours".to_owned(),
+            Type::Roi => "a table {x, y, w, h}".to_owned(),
+            Type::Range => "two numbers {low, high}".to_owned(),
+            Type::Fields => "a table of named values".to_owned(),
+            Type::Object(object) => object.with_article(),
+            Type::List(of) => format!("a list, each {}", of.describe()),
+            Type::OneOrMore(of) => format!("{}, or a list of them", of.describe()),
+            Type::Payload => "the event's payload".to_owned(),
+            Type::Named(_) => "a table of tables".to_owned(),
+            Type::Options(_) => "a table".to_owned(),
+        }
     }
 }
 
@@ -288,5 +563,113 @@ impl Bounds {
             Bounds::Between(low, high) => format!("between {low} and {high}"),
             Bounds::Above(low, high) => format!("above {low} and at most {high}"),
         }
+    }
+}
+
+pub(super) const fn value(name: &'static str, kind: Type, doc: &'static str) -> Value {
+    Value {
+        name,
+        kind,
+        unit: "",
+        requirement: Requirement::Required,
+        doc,
+    }
+}
+
+pub(super) const fn number(name: &'static str, doc: &'static str) -> Value {
+    value(name, Type::Number(None), doc)
+}
+
+pub(super) const fn bounded(name: &'static str, bounds: Bounds, doc: &'static str) -> Value {
+    value(name, Type::Number(Some(bounds)), doc)
+}
+
+pub(super) const fn whole(name: &'static str, doc: &'static str) -> Value {
+    value(name, Type::Whole(None), doc)
+}
+
+/// A whole number from 0 to `most`.
+pub(super) const fn count(name: &'static str, most: u32, doc: &'static str) -> Value {
+    let bounds = Bounds::Between(0.0, most as f64);
+    value(name, Type::Whole(Some(bounds)), doc)
+}
+
+pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Value {
+    value(name, Type::Boolean, doc)
+}
+
+pub(super) const fn text(name: &'static str, doc: &'static str) -> Value {
+    value(name, Type::Text(None), doc)
+}
+
+/// A text of at most `most` bytes.
+pub(super) const fn short_text(name: &'static str, most: usize, doc: &'static str) -> Value {
+    value(name, Type::Text(Some(most)), doc)
+}
+
+pub(super) const fn choice(name: &'static str, of: &'static Choice, doc: &'static str) -> Value {
+    value(name, Type::Choice(of), doc)
+}
+
+pub(super) const fn object(name: &'static str, of: &'static Object, doc: &'static str) -> Value {
+    value(name, Type::Object(of), doc)
+}
+
+pub(super) const fn function(name: &'static str, luau: &'static str, doc: &'static str) -> Value {
+    value(name, Type::Function(luau), doc)
+}
+
+pub(super) const fn options(keys: &'static [Value]) -> Value {
+    value("options", Type::Options(keys), "").optional()
+}
+
+/// `{low, high}`; the default is the full range.
+pub(super) const fn range(name: &'static str, full: Literal, doc: &'static str) -> Value {
+    Value {
+        requirement: Requirement::Default(full),
+        ..value(name, Type::Range, doc)
+    }
+}
+
+/// A function without parameters and results.
+pub(super) const fn call(path: &'static str) -> Function {
+    Function {
+        path,
+        parameters: &[],
+        rest: None,
+        returns: &[],
+        waits: false,
+        pure: false,
+        doc: "",
+    }
+}
+
+/// A table, or an object in which scripts may store their own values.
+pub(super) const fn table(name: &'static str) -> Object {
+    Object {
+        name,
+        doc: "",
+        fields: &[],
+        methods: &[],
+        strict: false,
+    }
+}
+
+/// An object for which reading an unknown name is an error.
+pub(super) const fn strict(name: &'static str) -> Object {
+    Object {
+        strict: true,
+        ..table(name)
+    }
+}
+
+/// A namespace that behaviours have without `require`.
+pub(super) const fn namespace(name: &'static str, about: &'static str) -> Namespace {
+    Namespace {
+        name,
+        about,
+        availability: Availability::Behaviour,
+        functions: &[],
+        constants: &[],
     }
 }

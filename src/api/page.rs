@@ -2,10 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::model::{
-    Availability, Constant, Event, Function, Namespace, Object, Requirement, Type, Value,
-};
-use super::{choices, constants, events, functions, methods, modules, namespaces, objects};
+use super::model::{Availability, Constant, Event, Function, Namespace, Object, Type, Value};
+use super::{all_functions, choices, constants, events, modules, namespaces, objects};
 
 /// Returns every entry with this name: a function, namespace, module, object, field, event,
 /// constant or set of names. `events`, `objects` and `modules` return lists. Letter case does not
@@ -13,11 +11,8 @@ use super::{choices, constants, events, functions, methods, modules, namespaces,
 pub fn page(name: &str) -> Option<String> {
     let same = |other: &str| !other.is_empty() && other.eq_ignore_ascii_case(name);
     let mut pages = Vec::new();
-    pages.extend(
-        all_functions()
-            .filter(|one| same(one.path))
-            .map(of_function),
-    );
+    let functions = all_functions().filter(|one| same(one.path));
+    pages.extend(functions.map(of_function));
     pages.extend(constants().filter(|one| same(one.path)).map(of_constant));
     pages.extend(namespaces().filter(|one| same(one.name)).map(of_namespace));
     let module = |one: &&Namespace| same(one.name) || same(&format!("@spykee/{}", one.name));
@@ -27,19 +22,12 @@ pub fn page(name: &str) -> Option<String> {
     pages.extend(fields(same));
     let choice = choices().filter(|one| same(one.name));
     pages.extend(choice.map(|one| format!("{}: one of {}\n", one.name, (one.names)().join(", "))));
-    pages.extend(
-        lists()
-            .into_iter()
-            .filter(|(title, _)| same(title))
-            .map(|(_, text)| text),
-    );
+    let lists = lists().into_iter().filter(|(title, _)| same(title));
+    pages.extend(lists.map(|(_, text)| text));
     if pages.is_empty() {
         // Also find a function by its last part alone, such as `update`.
-        pages.extend(
-            all_functions()
-                .filter(|one| same(one.key()))
-                .map(of_function),
-        );
+        let functions = all_functions().filter(|one| same(one.key()));
+        pages.extend(functions.map(of_function));
     }
     (!pages.is_empty()).then(|| pages.join("\n"))
 }
@@ -47,7 +35,11 @@ pub fn page(name: &str) -> Option<String> {
 /// Every name that [`page`] knows.
 pub fn known() -> Vec<String> {
     let mut known: Vec<String> = titles().into_iter().map(str::to_owned).collect();
-    known.extend(objects_fields());
+    let fields = objects().flat_map(|object| {
+        let fields = object.fields.iter();
+        fields.map(|field| format!("{}.{}", object.name, field.name))
+    });
+    known.extend(fields);
     known
 }
 
@@ -84,18 +76,6 @@ pub fn list() -> String {
     text + "spykee api NAME shows one in full, with an example\n"
 }
 
-fn all_functions() -> impl Iterator<Item = &'static Function> {
-    let of_modules = modules().flat_map(|module| module.functions);
-    functions().chain(methods()).chain(of_modules)
-}
-
-fn objects_fields() -> impl Iterator<Item = String> {
-    objects().flat_map(|object| {
-        let fields = object.fields.iter();
-        fields.map(|field| format!("{}.{}", object.name, field.name))
-    })
-}
-
 fn lists() -> [(&'static str, String); 3] {
     let events = events()
         .map(|one| line(one.name, one.doc))
@@ -117,14 +97,10 @@ fn line(call: &str, doc: &str) -> String {
 }
 
 fn lines(namespace: &Namespace) -> String {
-    let functions = namespace
-        .functions
-        .iter()
-        .map(|one| line(&one.call(), one.doc));
-    let constants = namespace
-        .constants
-        .iter()
-        .map(|one| line(one.path, one.doc));
+    let functions = namespace.functions.iter();
+    let functions = functions.map(|one| line(&one.call(), one.doc));
+    let constants = namespace.constants.iter();
+    let constants = constants.map(|one| line(one.path, one.doc));
     functions.chain(constants).collect()
 }
 
@@ -140,8 +116,8 @@ fn of_namespace(namespace: &Namespace) -> String {
         text.push('\n');
         text += &of_object(object);
     }
-    if !namespace.example.is_empty() {
-        example(&mut text, namespace.example);
+    if !namespace.example().is_empty() {
+        example(&mut text, namespace.example());
     }
     text
 }
@@ -194,14 +170,14 @@ fn of_function(function: &Function) -> String {
         }
     }
     section(&mut text, "returns", function.returns);
-    example(&mut text, function.example);
+    example(&mut text, function.example());
     text
 }
 
 fn of_constant(constant: &Constant) -> String {
     let kind = constant.kind.luau();
     let mut text = format!("{}: {kind}\n\n{}\n", constant.path, constant.doc);
-    example(&mut text, constant.example);
+    example(&mut text, constant.example());
     text
 }
 
@@ -237,8 +213,7 @@ fn section(text: &mut String, title: &str, values: &[Value]) {
     let width = values.iter().map(|value| value.name.len()).max();
     let width = width.unwrap_or(0) + 1;
     for value in values {
-        let required = value.requirement == Requirement::Required;
-        let optional = if required { "" } else { "?" };
+        let optional = if value.is_required() { "" } else { "?" };
         let name = format!("{}{optional}", value.name);
         let _ = writeln!(text, "  {name:width$}  {}", value.describe());
     }

@@ -1,55 +1,39 @@
-//! `script.*`, `log.*`, `clock.*`, `params.*`, `store.*`, `journal.*`, `notify.*` and the functions
-//! without a namespace.
+//! `script.*`, `task.*`, `log.*`, `clock.*`, `params.*`, `store.*`, `journal.*`, `notify.*` and the
+//! functions without a namespace.
 
-use super::events::USAGE;
-use super::make::{
-    boolean, bounded, call, function, number, object, short_text, table, text, value, whole,
+use super::events::{TASK_STATUS, USAGE};
+use super::model::{
+    Availability, Bounds, Constant, Function, Namespace, Object, SECONDS, Type, Value, boolean,
+    bounded, call, choice, function, namespace, number, object, short_text, strict, table, text,
+    value, whole,
 };
-use super::model::{Availability, Bounds, Constant, Function, Namespace, Object, Type, Value};
 
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",
     kind: Type::Text(None),
     doc: "The script's name: the name of its file without `.lua`, or the name in the config.",
-    example: "print(script.name)",
 }];
 
-const FUNCTIONS: &[Function] = &[
-    call(
-        "script.stop",
-        &[short_text("reason", 1000, "for the log").optional()],
-        &[],
-        "Ends the script; the calling task does not continue.",
-        "script.stop(\"seen enough\")",
-    ),
-    call(
-        "script.on_stop",
-        &[function(
-            "fn",
-            "(reason: string) -> ...any",
-            "gets the reason; must end within 0.5 s, and cannot drive",
-        )],
-        &[],
-        "Calls a function when the script ends, whatever the reason.",
-        "script.on_stop(function(reason)\n\tprint(\"goodbye:\", reason)\nend)",
-    ),
-    call(
-        "script.usage",
-        &[],
-        &[object("usage", &USAGE, "")],
-        "Returns the resources that the script has used so far.",
-        "print(script.usage().memory_bytes // 1024, \"KiB\")",
-    )
-    .pure(),
-];
-
 pub(super) const SCRIPT: Namespace = Namespace {
-    name: "script",
-    about: "the script itself",
-    availability: Availability::Everywhere,
-    functions: FUNCTIONS,
     constants: CONSTANTS,
-    example: "",
+    ..namespace("script", "the script itself")
+        .functions(&[
+            call("script.stop")
+                .takes(&[short_text("reason", 1000, "for the log").optional()])
+                .doc("Ends the script; the calling task does not continue."),
+            call("script.on_stop")
+                .takes(&[function(
+                    "fn",
+                    "(reason: string) -> ...any",
+                    "gets the reason; must end within 0.5 s, and cannot drive",
+                )])
+                .doc("Calls a function when the script ends, whatever the reason."),
+            call("script.usage")
+                .returns(&[object("usage", &USAGE, "")])
+                .doc("Returns the resources that the script has used so far.")
+                .pure(),
+        ])
+        .available(Availability::Everywhere)
 };
 
 const PARAMETERS: &[Value] = &[
@@ -57,93 +41,56 @@ const PARAMETERS: &[Value] = &[
     value("fields", Type::Fields, "further values, by name").optional(),
 ];
 
-const LOG_FUNCTIONS: &[Function] = &[
-    call(
-        "log.debug",
-        PARAMETERS,
-        &[],
-        "Writes a line that is shown only with the log level debug.",
-        "log.debug(\"looking\", { angle = 0.4 })",
-    ),
-    call(
-        "log.info",
-        PARAMETERS,
-        &[],
-        "Writes a line to the log, with the script's name and line.",
-        "log.info(\"on my way\")",
-    ),
-    call(
-        "log.warn",
-        PARAMETERS,
-        &[],
-        "Writes a warning to the log.",
-        "log.warn(\"this takes long\", { seconds = task.now() })",
-    ),
-    call(
-        "log.error",
-        PARAMETERS,
-        &[],
-        "Writes an error to the log; the script continues.",
-        "log.error(\"no ball in sight\")",
-    ),
-];
-
-pub(super) const LOG: Namespace = Namespace {
-    name: "log",
-    about: "lines for the log",
-    availability: Availability::Everywhere,
-    functions: LOG_FUNCTIONS,
-    constants: &[],
-    example: "",
-};
+pub(super) const LOG: Namespace = namespace("log", "lines for the log")
+    .functions(&[
+        call("log.debug")
+            .takes(PARAMETERS)
+            .doc("Writes a line that is shown only with the log level debug."),
+        call("log.info")
+            .takes(PARAMETERS)
+            .doc("Writes a line to the log, with the script's name and line."),
+        call("log.warn")
+            .takes(PARAMETERS)
+            .doc("Writes a warning to the log."),
+        call("log.error")
+            .takes(PARAMETERS)
+            .doc("Writes an error to the log; the script continues."),
+    ])
+    .available(Availability::Everywhere);
 
 /// The times from the year 1 to the year 9999, in seconds since 1970.
 const INSTANT: Bounds = Bounds::Between(-62_135_000_000.0, 253_402_000_000.0);
 
-pub(super) const DATE: Object = table(
-    "Date",
-    "A date and a time of day.",
-    &[
-        whole("year", ""),
-        whole("month", "1 to 12"),
-        whole("day", "1 to 31"),
-        whole("hour", "0 to 23"),
-        whole("minute", "0 to 59"),
-        whole("second", "0 to 59"),
-        text("weekday", "such as `monday`"),
-        text("zone", "the time zone, such as `Europe/Rome`"),
-        whole("offset", "its offset from UTC, east positive").unit("s"),
-        text("text", "such as `2026-03-29 01:30:00`"),
-    ],
-);
+pub(super) const DATE: Object = table("Date").doc("A date and a time of day.").fields(&[
+    whole("year", ""),
+    whole("month", "1 to 12"),
+    whole("day", "1 to 31"),
+    whole("hour", "0 to 23"),
+    whole("minute", "0 to 59"),
+    whole("second", "0 to 59"),
+    text("weekday", "such as `monday`"),
+    text("zone", "the time zone, such as `Europe/Rome`"),
+    whole("offset", "its offset from UTC, east positive").unit("s"),
+    text("text", "such as `2026-03-29 01:30:00`"),
+]);
 
-const CLOCK_FUNCTIONS: &[Function] = &[
-    call(
-        "clock.now",
-        &[],
-        &[number("seconds", "since 1970-01-01 00:00 UTC").unit("s")],
-        "Returns the date and time as a number; in virtual time, those of the simulation.",
-        "store.set(\"patrolled\", clock.now())",
-    )
-    .pure(),
-    call(
-        "clock.date",
-        &[bounded("seconds", INSTANT, "a time of `clock.now`; default: now").unit("s").optional()],
-        &[object("date", &DATE, "")],
-        "Returns the date and time of day, in the time zone of the config (`time_zone:`).",
-        "local date = clock.date()\nif date.hour >= 22 then\n\tprint(\"good night, it is\", date.text)\nend",
-    )
-    .pure(),
-];
-
-pub(super) const CLOCK: Namespace = Namespace {
-    name: "clock",
-    about: "the time of day",
-    availability: Availability::Everywhere,
-    functions: CLOCK_FUNCTIONS,
-    constants: &[],
-    example: "",
-};
+pub(super) const CLOCK: Namespace = namespace("clock", "the time of day")
+    .functions(&[
+        call("clock.now")
+            .returns(&[number("seconds", "since 1970-01-01 00:00 UTC").unit("s")])
+            .doc("Returns the date and time as a number; in virtual time, those of the simulation.")
+            .pure(),
+        call("clock.date")
+            .takes(&[
+                bounded("seconds", INSTANT, "a time of `clock.now`; default: now")
+                    .unit("s")
+                    .optional(),
+            ])
+            .returns(&[object("date", &DATE, "")])
+            .doc("Returns the date and time of day, in the time zone of the config (`time_zone:`).")
+            .pure(),
+    ])
+    .available(Availability::Everywhere);
 
 /// The longest name of a kind of entry, in bytes.
 const KIND: usize = 40;
@@ -162,48 +109,28 @@ const ADD: &[Value] = &[
 
 const MORE: &[Value] = &[text("picture", "the path that `frame:save` returned").optional()];
 
-const JOURNALLED: &[Function] = &[call(
-    "journal.add",
-    ADD,
-    &[boolean(
+const JOURNALLED: &[Function] = &[call("journal.add")
+    .takes(ADD)
+    .returns(&[boolean(
         "kept",
         "false if this script's share of the day is used up",
-    )],
-    "Adds an entry to the journal; `spykee history` shows it.",
-    "journal.add(\"moved\", { energy = 3.5, where = \"door\" })",
-)];
+    )])
+    .doc("Adds an entry to the journal; `spykee history` shows it.")];
 
-const NOTIFIED: &[Function] = &[call(
-    "notify.send",
-    &[
-        short_text("text", MESSAGE, "the message"),
-        value("options", Type::Options(MORE), "").optional(),
-    ],
-    &[boolean(
-        "sent",
-        "false if this script's share of the day is used up",
-    )],
-    "Sends a message to the targets of the config's `notify:`, without waiting for it.",
-    "notify.send(\"somebody is at the door\")",
-)];
+pub(super) const JOURNAL: Namespace =
+    namespace("journal", "a record of what happened, for people").functions(JOURNALLED);
 
-pub(super) const JOURNAL: Namespace = Namespace {
-    name: "journal",
-    about: "a record of what happened, for people",
-    availability: Availability::Behaviour,
-    functions: JOURNALLED,
-    constants: &[],
-    example: "",
-};
-
-pub(super) const NOTIFY: Namespace = Namespace {
-    name: "notify",
-    about: "messages to people",
-    availability: Availability::Behaviour,
-    functions: NOTIFIED,
-    constants: &[],
-    example: "",
-};
+pub(super) const NOTIFY: Namespace =
+    namespace("notify", "messages to people").functions(&[call("notify.send")
+        .takes(&[
+            short_text("text", MESSAGE, "the message"),
+            value("options", Type::Options(MORE), "").optional(),
+        ])
+        .returns(&[boolean(
+            "sent",
+            "false if this script's share of the day is used up",
+        )])
+        .doc("Sends a message to the targets of the config's `notify:`, without waiting for it.")]);
 
 const KEY: Value = short_text("key", 200, "UTF-8, not empty");
 
@@ -216,7 +143,7 @@ const PARAMETER: &[Value] = &[
     ),
     number("min", "the smallest permitted number").optional(),
     number("max", "the largest permitted number").optional(),
-    text("unit", "the unit of a number, shown to people").optional(),
+    short_text("unit", 1000, "the unit of a number, shown to people").optional(),
     value(
         "choices",
         Type::List(&Type::Text(None)),
@@ -228,25 +155,21 @@ const PARAMETER: &[Value] = &[
         "whether a person can change it while the script runs, for example on the page; if so, read it again each time you use it",
     )
     .optional(),
-    text("doc", "what the parameter means, shown to people").optional(),
+    short_text("doc", 1000, "what the parameter means, shown to people").optional(),
 ];
 
-const DECLARE: &[Function] = &[call(
-    "params.declare",
-    &[value("parameters", Type::Named(PARAMETER), "by name")],
-    &[value(
+const DECLARE: &[Function] = &[call("params.declare")
+    .takes(&[value("parameters", Type::Named(PARAMETER), "by name")])
+    .returns(&[value(
         "values",
         Type::Any,
         "by name: from --param, else the config, else the default",
-    )],
-    "Declares the script's parameters, and returns their values.",
-    "local params = params.declare({\n\tspeed = { default = 40, min = 10, max = 100, unit = \"%\", doc = \"how fast\" },\n})\nrobot.move(params.speed, params.speed, 1)",
-)];
+    )])
+    .doc("Declares the script's parameters, and returns their values.")];
 
 const STORED: &[Function] = &[
-    call(
-        "store.get",
-        &[
+    call("store.get")
+        .takes(&[
             KEY,
             value(
                 "default",
@@ -254,90 +177,147 @@ const STORED: &[Function] = &[
                 "returned if nothing is stored under the key",
             )
             .optional(),
-        ],
-        &[value("value", Type::Any, "nil if there is none").optional()],
-        "Returns the value stored under a key, in this or an earlier run.",
-        "local runs = store.get(\"runs\", 0) + 1\nstore.set(\"runs\", runs)\nprint(\"run number\", runs)",
-    ),
-    call(
-        "store.set",
-        &[
+        ])
+        .returns(&[value("value", Type::Any, "nil if there is none").optional()])
+        .doc("Returns the value stored under a key, in this or an earlier run."),
+    call("store.set")
+        .takes(&[
             KEY,
             value(
                 "value",
                 Type::Any,
                 "a string, a number, true, false, or a table of these",
             ),
-        ],
-        &[],
-        "Stores a value for later runs; at most 1 MiB in total.",
-        "store.set(\"home\", { x = 1, y = 2 })",
-    ),
-    call(
-        "store.delete",
-        &[KEY],
-        &[boolean("was_there", "whether there was a value")],
-        "Deletes the value stored under a key.",
-        "store.delete(\"home\")",
-    ),
-    call(
-        "store.keys",
-        &[],
-        &[value(
+        ])
+        .doc("Stores a value for later runs; at most 1 MiB in total."),
+    call("store.delete")
+        .takes(&[KEY])
+        .returns(&[boolean("was_there", "whether there was a value")])
+        .doc("Deletes the value stored under a key."),
+    call("store.keys")
+        .returns(&[value(
             "keys",
             Type::List(&Type::Text(None)),
             "in alphabetical order",
-        )],
-        "Returns all keys that have a value.",
-        "for _, key in store.keys() do\n\tprint(key, store.get(key))\nend",
-    ),
+        )])
+        .doc("Returns all keys that have a value."),
 ];
 
-const GLOBAL: &[Function] = &[
-    call(
-        "print",
-        &[],
-        &[],
-        "Writes its arguments to the log, with spaces between them.",
-        "print(\"it is\", task.now(), \"s since I began\")",
-    )
-    .with_rest("values to print"),
-    call(
-        "require",
-        &[text(
-            "path",
-            "./NAME for a file beside this one, or @spykee/NAME for a built-in module",
-        )],
-        &[value("module", Type::Any, "what the module's file returns")],
-        "Loads a module, once per script.",
-        "local pid = require(\"@spykee/pid\")\nprint(pid)",
-    )
-    .waiting(),
-];
+pub(super) const PARAMS: Namespace =
+    namespace("params", "settings that a person can change").functions(DECLARE);
 
-pub(super) const PARAMS: Namespace = Namespace {
-    name: "params",
-    about: "settings that a person can change",
-    availability: Availability::Behaviour,
-    functions: DECLARE,
-    constants: &[],
-    example: "",
-};
+pub(super) const STORE: Namespace =
+    namespace("store", "values kept from one run to the next").functions(STORED);
 
-pub(super) const STORE: Namespace = Namespace {
-    name: "store",
-    about: "values kept from one run to the next",
-    availability: Availability::Behaviour,
-    functions: STORED,
-    constants: &[],
-    example: "",
-};
+pub(super) const GLOBALS: Namespace = namespace("", "functions without a namespace")
+    .functions(&[
+        call("print")
+            .doc("Writes its arguments to the log, with spaces between them.")
+            .with_rest("values to print"),
+        call("require")
+            .takes(&[text(
+                "path",
+                "./NAME for a file beside this one, or @spykee/NAME for a built-in module",
+            )])
+            .returns(&[value("module", Type::Any, "what the module's file returns")])
+            .doc("Loads a module, once per script.")
+            .waiting(),
+    ])
+    .available(Availability::Everywhere);
 
-pub(super) const GLOBALS: Namespace = Namespace {
-    name: "",
-    about: "functions without a namespace",
-    availability: Availability::Everywhere,
-    functions: GLOBAL,
-    constants: &[],
-    example: "",
-};
+const FUNCTION: Value = function("fn", "(...any) -> ...any", "the function to run");
+const HANDLE: Value = object("task", &TASK, "");
+/// The shortest and the longest period of `task.every`, in seconds.
+const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
+const TIME: Value = bounded("seconds", SECONDS, "").unit("s");
+
+pub(super) const TASK: Object = strict("Task")
+    .doc("A function that runs in parallel with others.")
+    .fields(&[
+        choice("status", TASK_STATUS, "its state"),
+        whole("missed", "number of missed periods of `task.every`"),
+    ])
+    .methods(&[
+        call("Task:cancel").doc("Ends the task; its motion stops with it."),
+        call("Task:join")
+            .takes(&[bounded("timeout", SECONDS, "default: no limit")
+                .unit("s")
+                .optional()])
+            .returns(&[
+                boolean("ok", "whether the task has ended without an error"),
+                text("status", "as `.status`, or \"timeout\""),
+                text("message", "the error of a task that failed").optional(),
+            ])
+            .doc("Waits until the task has ended.")
+            .waiting(),
+    ]);
+
+pub(super) const TASKS: Namespace = namespace("task", "time, and functions that run in parallel")
+    .functions(&[
+        call("task.wait")
+            .takes(&[TIME.default(0.0)])
+            .returns(&[number("passed", "the time that has really passed").unit("s")])
+            .doc("Waits; other tasks and handlers run in the meantime.")
+            .waiting(),
+        call("task.now")
+            .returns(&[number("seconds", "").unit("s")])
+            .doc("Returns the seconds since the script started.")
+            .pure(),
+        call("task.spawn")
+            .takes(&[FUNCTION])
+            .returns(&[HANDLE])
+            .doc("Runs a function in a new task, in parallel with the others.")
+            .with_rest("arguments of the function"),
+        call("task.delay")
+            .takes(&[TIME, FUNCTION])
+            .returns(&[HANDLE])
+            .doc("Runs a function later, in a new task.")
+            .with_rest("arguments of the function"),
+        call("task.every")
+            .takes(&[
+                bounded("seconds", BEAT, "the period").unit("s"),
+                function(
+                    "fn",
+                    "(missed: number) -> ...any",
+                    "gets the number of missed periods",
+                ),
+            ])
+            .returns(&[HANDLE])
+            .doc("Runs a function periodically, in a new task."),
+        call("task.all")
+            .returns(&[value(
+                "results",
+                Type::Any,
+                "the first result of each function, in their order",
+            )
+            .optional()])
+            .doc("Runs functions in parallel and waits for all of them.")
+            .with_rest("the functions")
+            .waiting(),
+        call("task.race")
+            .takes(&[FUNCTION])
+            .returns(&[value(
+                "results",
+                Type::Any,
+                "the results of the first function that ends",
+            )
+            .optional()])
+            .doc("Runs functions in parallel until one of them ends, then cancels the others.")
+            .with_rest("more functions")
+            .waiting(),
+        call("task.timeout")
+            .takes(&[TIME, FUNCTION])
+            .returns(&[
+                boolean("ok", "false after a time-out"),
+                value(
+                    "results",
+                    Type::Any,
+                    "the results of the function, or \"timeout\"",
+                )
+                .optional(),
+            ])
+            .doc("Runs a function, and cancels it if it takes longer than a time limit.")
+            .with_rest("arguments of the function")
+            .waiting(),
+    ])
+    .available(Availability::Everywhere);

@@ -11,8 +11,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
-use super::message::{FromHost, Launch, ToHost};
-use super::message::{Receiver, Sender};
+use super::message::{FromHost, Launch, PromptCommand, Receiver, Sender, ToHost};
 use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
@@ -182,12 +181,7 @@ fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
 }
 
 fn warning(text: String) -> FromHost {
-    FromHost::Output(Output::Log(LogLine {
-        level: Level::Warn,
-        text,
-        fields: Vec::new(),
-        line: None,
-    }))
+    FromHost::Output(Output::Log(LogLine::new(Level::Warn, &text)))
 }
 
 impl Host {
@@ -278,9 +272,11 @@ impl Host {
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
             ToHost::PartialFrame { at, jpeg } => self.decode_part(at, &jpeg),
-            ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
+            ToHost::Prompt(PromptCommand::Evaluate { text, more }) => {
+                self.script.evaluate(&text, more, now);
+            }
+            ToHost::Prompt(PromptCommand::Interrupt) => self.script.interrupt(now),
             ToHost::SetParam { name, value } => self.script.set_live_param(&name, value, now),
-            ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Run => {}

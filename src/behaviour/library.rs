@@ -8,14 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::files::{Folder, ReadError};
-use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, suggestion};
+use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, NoModule, suggestion};
 
 const ENDINGS: [&str; 2] = [".lua", ".luau"];
-
-/// Why a module cannot be loaded, in words for the script's author.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct LibraryError(String);
 
 /// Reads the modules of one behaviour. Clones share the same state.
 #[derive(Debug, Clone, Default)]
@@ -40,10 +35,10 @@ impl Library {
     }
 
     /// Reads a module. Blocks on disk access.
-    pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, LibraryError> {
+    pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, NoModule> {
         let Some(root) = &self.folder else {
             let words = "this behaviour has no folder to load modules from";
-            return Err(LibraryError(words.to_owned()));
+            return Err(NoModule(words.to_owned()));
         };
         let root = if root.as_os_str().is_empty() {
             Path::new(".")
@@ -52,17 +47,16 @@ impl Library {
         };
         let mut path: Vec<&str> = name.segments().collect();
         let Some(last) = path.pop() else {
-            return Err(LibraryError("a module needs a name".to_owned()));
+            return Err(NoModule("a module needs a name".to_owned()));
         };
+        let refused = |what| NoModule(format!("module '{}'{what}", name.as_str()));
         let open = Folder::open_linked(root);
         let mut folder =
-            open.map_err(|error| LibraryError(format!("cannot open {}: {error}", root.display())))?;
+            open.map_err(|error| NoModule(format!("cannot open {}: {error}", root.display())))?;
         for segment in &path {
-            folder = enter(&folder, segment)
-                .map_err(|what| LibraryError(format!("module '{}'{what}", name.as_str())))?;
+            folder = enter(&folder, segment).map_err(refused)?;
         }
-        let (file, source) = read(&folder, last)
-            .map_err(|what| LibraryError(format!("module '{}'{what}", name.as_str())))?;
+        let (file, source) = read(&folder, last).map_err(refused)?;
         path.push(&file);
         let file = path.join("/");
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);

@@ -44,23 +44,29 @@ pub enum ToHost {
         at: usize,
         jpeg: Bytes,
     },
-    /// Run a text that a user typed; answered by [`Output::Evaluated`].
-    Evaluate {
-        text: String,
-        /// Whether further lines may follow.
-        more: bool,
-    },
+    Prompt(PromptCommand),
     /// A user changes the value of a parameter.
     SetParam {
         name: String,
         value: ParamValue,
     },
-    /// Stop the tracks, tasks and handlers that typed lines have started.
-    Interrupt,
     /// In answer to [`Output::Module`]: the module's file, or why it cannot be loaded.
     Module(ModuleName, Result<ModuleFile, NoModule>),
     /// End within half a second.
     Stop(EndReason),
+}
+
+/// What a user at a prompt wants.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PromptCommand {
+    /// Run this text; answered by [`Output::Evaluated`].
+    Evaluate {
+        text: String,
+        /// Whether further lines may follow.
+        more: bool,
+    },
+    /// Stop the tracks, tasks and handlers that typed lines have started.
+    Interrupt,
 }
 
 /// From the host to the agent. Each of them is a sign of life.

@@ -19,10 +19,9 @@ use tokio::time::timeout;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use super::library::Library;
-use super::log_limiter::LogLimiter;
+use super::limiter::{LogLimiter, ReportLimiter};
 use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
-use super::report_limiter::ReportLimiter;
 use crate::files::Folder;
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::sandbox::{self, SandboxPolicy};
@@ -112,20 +111,22 @@ fn start_child(
         let _served_by = core.enter();
         UnixStream::from_std(ours)?.into_split()
     };
-    let process = HostProcess {
-        life: Life::Child(child),
-    };
-    Ok((process, Box::new(reader), Box::new(writer)))
+    Ok((
+        HostProcess::Child(child),
+        Box::new(reader),
+        Box::new(writer),
+    ))
 }
 
 fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     let (to_host, host_reader) = tokio::io::duplex(PIPE_LEN);
     let (host_writer, from_host) = tokio::io::duplex(PIPE_LEN);
     let task = tokio::task::spawn_local(serve(host_reader, host_writer, Time::Virtual));
-    let process = HostProcess {
-        life: Life::Task(task),
-    };
-    (process, Box::new(from_host), Box::new(to_host))
+    (
+        HostProcess::Task(task),
+        Box::new(from_host),
+        Box::new(to_host),
+    )
 }
 
 /// Creates a folder that only its user can access. If it cannot be created nothing can be saved,
@@ -144,12 +145,7 @@ fn make_private(folder: &Path) -> io::Result<()> {
 
 /// A running host. Dropping it kills it.
 #[derive(Debug)]
-pub struct HostProcess {
-    life: Life,
-}
-
-#[derive(Debug)]
-enum Life {
+pub(super) enum HostProcess {
     Child(Child),
     Task(JoinHandle<io::Result<()>>),
     Over,
@@ -175,22 +171,22 @@ impl fmt::Display for Exit {
 impl HostProcess {
     /// Sends SIGKILL and reaps the process; a task is aborted at its current await point.
     pub(super) async fn kill(&mut self) -> io::Result<Exit> {
-        match &mut self.life {
-            Life::Child(child) => child.start_kill()?,
-            Life::Task(task) => task.abort(),
-            Life::Over => {}
+        match self {
+            HostProcess::Child(child) => child.start_kill()?,
+            HostProcess::Task(task) => task.abort(),
+            HostProcess::Over => {}
         }
         self.wait().await
     }
 
     /// Waits until the host has ended on its own. Cancel-safe.
     pub(super) async fn wait(&mut self) -> io::Result<Exit> {
-        let ended = match &mut self.life {
-            Life::Child(child) => return child.wait().await.map(Exit::Process),
-            Life::Task(task) => task.await,
-            Life::Over => return Ok(Exit::Task(String::new())),
+        let ended = match self {
+            HostProcess::Child(child) => return child.wait().await.map(Exit::Process),
+            HostProcess::Task(task) => task.await,
+            HostProcess::Over => return Ok(Exit::Task(String::new())),
         };
-        self.life = Life::Over;
+        *self = HostProcess::Over;
         Ok(Exit::Task(match ended {
             Ok(Ok(())) => String::new(),
             Ok(Err(error)) => error.to_string(),
@@ -201,7 +197,7 @@ impl HostProcess {
 
     /// Returns what a host that has ended wrote to its standard error: nothing, unless it failed.
     pub(super) async fn last_words(&mut self) -> String {
-        let Life::Child(child) = &mut self.life else {
+        let HostProcess::Child(child) = self else {
             return String::new();
         };
         let mut words = Vec::new();
@@ -216,7 +212,7 @@ impl HostProcess {
 
 impl Drop for HostProcess {
     fn drop(&mut self) {
-        if let Life::Task(task) = &self.life {
+        if let HostProcess::Task(task) = self {
             task.abort();
         }
     }
@@ -351,13 +347,12 @@ fn serve_modules(
             };
             let source = library.clone();
             let wanted = name.clone();
-            let refused = |error: &dyn std::fmt::Display| NoModule(error.to_string());
-            let fetch = move || source.fetch(&wanted).map_err(|error| refused(&error));
+            let fetch = move || source.fetch(&wanted);
             let file = if here {
                 fetch()
             } else {
                 let fetched = tokio::task::spawn_blocking(fetch).await;
-                fetched.unwrap_or_else(|error| Err(refused(&error)))
+                fetched.unwrap_or_else(|error| Err(NoModule(error.to_string())))
             };
             if to_host.send(ToHost::Module(name, file)).await.is_err() {
                 return;

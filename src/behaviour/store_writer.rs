@@ -4,10 +4,10 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::time::Instant;
 
 use crate::files::Folder;
@@ -27,16 +27,14 @@ const SLOW_PACE: Duration = Duration::from_secs(60);
 #[derive(Debug)]
 pub(super) struct StoreWriter {
     folder: PathBuf,
-    /// `None` before the first write, and at the end.
-    writer: Option<Writer>,
-    start: fn(PathBuf, u64) -> io::Result<Writer>,
+    /// The write in progress.
+    writing: Option<Writing>,
+    start: fn(PathBuf, Bytes, u64) -> io::Result<Writing>,
     /// The last problem, until [`StoreWriter::take_error`] takes it.
     error: Option<String>,
     next: Option<Instant>,
-    /// Content that the thread has not taken yet, or could not write.
-    unsent: Option<Vec<u8>>,
-    /// Number of the last content that the thread has taken.
-    sent: u64,
+    /// Content that is not being written yet, or could not be written.
+    unsent: Option<Bytes>,
     /// The last problem that was reported.
     last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
@@ -47,31 +45,18 @@ pub(super) struct StoreWriter {
     slow: Option<bool>,
 }
 
-#[derive(Debug)]
-struct Writer {
-    /// Numbered contents.
-    files: SyncSender<(u64, Vec<u8>)>,
-    failures: Receiver<Failure>,
-    thread: JoinHandle<()>,
-}
-
-#[derive(Debug)]
-struct Failure {
-    number: u64,
-    content: Vec<u8>,
-    error: String,
-}
+/// A thread that writes one content, and returns it if that fails.
+type Writing = JoinHandle<Result<(), (Bytes, io::Error)>>;
 
 impl StoreWriter {
     pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
         StoreWriter {
             folder,
-            writer: None,
-            start: Writer::start,
+            writing: None,
+            start: start_writing,
             error: None,
             next: None,
             unsent: None,
-            sent: 0,
             last_error: None,
             write_at_end: false,
             day: Budget::new(limits.bytes_a_day),
@@ -125,17 +110,17 @@ impl StoreWriter {
         self.next.is_none_or(|next| now >= next)
     }
 
-    /// Hands the newest content to the writing thread. Never waits.
+    /// Begins to write the newest content, unless a write is in progress. Never waits.
     pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
-        self.collect_failures();
+        self.collect_result();
         let retried = newest.is_none();
-        let Some(content) = newest.or_else(|| self.unsent.take()) else {
+        let unsent = self.unsent.take();
+        let Some(content) = newest.map(Bytes::from).or(unsent) else {
             return;
         };
-        self.unsent = None;
         self.next = Some(now + PACE);
+        self.unsent = Some(content.clone());
         if self.write_at_end {
-            self.unsent = Some(content);
             return;
         }
         // What could not be written has not used the day's bytes again.
@@ -143,47 +128,35 @@ impl StoreWriter {
             self.next = Some(now + SLOW_PACE);
             self.slow.get_or_insert(false);
         }
-        let number = self.sent + 1;
-        match self.writer() {
-            Ok(writer) => match writer.files.try_send((number, content)) {
-                Ok(()) => self.sent = number,
-                Err(
-                    TrySendError::Full((_, content)) | TrySendError::Disconnected((_, content)),
-                ) => {
-                    self.unsent = Some(content);
-                }
-            },
+        if self.writing.is_some() {
+            return;
+        }
+        match (self.start)(self.folder.clone(), content, self.free) {
+            Ok(writing) => {
+                self.writing = Some(writing);
+                self.unsent = None;
+            }
             Err(error) => {
+                let error = format!("the thread that writes it cannot be started: {error}");
                 self.error = Some(error);
-                self.unsent = Some(content);
             }
         }
     }
 
-    fn collect_failures(&mut self) {
-        let writer = self.writer.iter();
-        let failures: Vec<Failure> = writer.flat_map(|one| one.failures.try_iter()).collect();
-        self.take_back(failures);
-    }
-
-    /// Keeps content that the thread could not write, unless there is newer content.
-    fn take_back(&mut self, failures: impl IntoIterator<Item = Failure>) {
-        for failure in failures {
-            self.error = Some(failure.error);
-            if failure.number == self.sent && self.unsent.is_none() {
-                self.unsent = Some(failure.content);
-            }
+    fn collect_result(&mut self) {
+        if self.writing.as_ref().is_some_and(JoinHandle::is_finished) {
+            self.await_result();
         }
     }
 
-    fn writer(&mut self) -> Result<&Writer, String> {
-        let no_thread =
-            |error: io::Error| format!("the thread that writes it cannot be started: {error}");
-        let writer = match self.writer.take() {
-            Some(writer) => writer,
-            None => (self.start)(self.folder.clone(), self.free).map_err(no_thread)?,
-        };
-        Ok(self.writer.insert(writer))
+    /// Keeps content that could not be written, unless there is newer content.
+    fn await_result(&mut self) {
+        if let Some(writing) = self.writing.take()
+            && let Ok(Err((content, error))) = writing.join()
+        {
+            self.error = Some(error.to_string());
+            self.unsent.get_or_insert(content);
+        }
     }
 
     /// Returns a problem to report, such as a failed write; not the same one twice in a row.
@@ -195,7 +168,7 @@ impl StoreWriter {
                 self.day.per_day()
             ));
         }
-        self.collect_failures();
+        self.collect_result();
         let error = self.error.take()?;
         if self.last_error.as_ref() == Some(&error) {
             return None;
@@ -206,13 +179,9 @@ impl StoreWriter {
 
     /// Waits for the thread, then writes the remaining content. Returns why that failed.
     pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
-        if let Some(writer) = self.writer.take() {
-            drop(writer.files);
-            let _ = writer.thread.join();
-            self.take_back(writer.failures.try_iter());
-        }
+        self.await_result();
         let unsent = self.unsent.take();
-        let content = last.or(unsent)?;
+        let content = last.map(Bytes::from).or(unsent)?;
         let written = replace(&self.folder, &content, self.free);
         written.err().map(|error| error.to_string())
     }
@@ -230,31 +199,9 @@ impl Drop for StoreWriter {
     }
 }
 
-impl Writer {
-    fn start(folder: PathBuf, free: u64) -> io::Result<Writer> {
-        let (files, waiting) = sync_channel::<(u64, Vec<u8>)>(1);
-        // Holds more failures than can arrive between two calls of `collect_failures`.
-        let (failed, failures) = sync_channel(8);
-        let thread = std::thread::Builder::new()
-            .name("store".into())
-            .spawn(move || {
-                for (number, content) in waiting {
-                    if let Err(error) = replace(&folder, &content, free) {
-                        let error = error.to_string();
-                        let _ = failed.try_send(Failure {
-                            number,
-                            content,
-                            error,
-                        });
-                    }
-                }
-            })?;
-        Ok(Writer {
-            files,
-            failures,
-            thread,
-        })
-    }
+fn start_writing(folder: PathBuf, content: Bytes, free: u64) -> io::Result<Writing> {
+    let thread = std::thread::Builder::new().name("store".into());
+    thread.spawn(move || replace(&folder, &content, free).map_err(|error| (content, error)))
 }
 
 /// Afterwards the file holds either all of the new content or all of the old.
@@ -400,17 +347,17 @@ mod tests {
     fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
         let root = tempfile::tempdir().unwrap();
         let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
-        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        writer.start = |_, _, _| Err(io::Error::other("no more threads"));
         let now = Instant::now();
         writer.offer(Some(b"1".to_vec()), now);
         let trouble = writer.take_error().unwrap();
         assert!(trouble.contains("no more threads"), "{trouble}");
         writer.offer(None, now + PACE);
         assert_eq!((writer.is_behind(), writer.take_error()), (true, None));
-        writer.start = Writer::start;
+        writer.start = start_writing;
         assert_eq!(writer.finish(None), None);
         assert_eq!(writer.read().unwrap().unwrap(), b"1");
-        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        writer.start = |_, _, _| Err(io::Error::other("no more threads"));
         assert_eq!(writer.finish(Some(b"2".to_vec())), None);
         assert_eq!(writer.read().unwrap().unwrap(), b"2");
     }

@@ -11,17 +11,15 @@ use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
-use super::log_limiter::{Admission, log};
-use super::message::{FromHost, ToHost};
+use super::limiter::{Admission, log};
+use super::message::{FromHost, PromptCommand, ToHost};
 use super::process::{EXIT_TIME, Prepared, exit};
-use super::repl_channel::{self, PromptMessage, ReplChannel};
-use super::report_limiter;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
     Bus, Detections, EndReason, HostReport, ParamChange, PartialFrame, Pictures, ViewerChannel,
 };
-use crate::script::{LogLine, Output, ScriptExit};
+use crate::script::{Evaluated, LogLine, Output, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
@@ -199,8 +197,8 @@ impl Supervisor {
                     ended => return ended.map(|(_, reason)| self.killed_exit(reason)),
                 },
                 Ok(change) = self.param_changes.recv() => self.set_param(change),
-                command = repl_channel::next(&mut self.repl_channel) => {
-                    if !self.pass_on(command.into()) {
+                command = next_command(&mut self.repl_channel) => {
+                    if !self.pass_on(ToHost::Prompt(command)) {
                         return Some(self.queue_full_exit());
                     }
                 }
@@ -308,10 +306,10 @@ impl Supervisor {
             self.host.log_limiter.admit(line, Instant::now()),
             &self.repl_channel,
         ) {
-            (Admission::Written(line), Some(repl_channel)) => {
+            (Admission::Passed(line), Some(repl_channel)) => {
                 repl_channel.send(PromptMessage::Line(line))
             }
-            (Admission::Written(line), None) => log(name, &line),
+            (Admission::Passed(line), None) => log(name, &line),
             (Admission::Dropped(before), _) => warn!(
                 behaviour = %name,
                 before,
@@ -323,14 +321,14 @@ impl Supervisor {
 
     fn report(&mut self, report: HostReport) {
         match self.host.report_limiter.admit(report, Instant::now()) {
-            report_limiter::Admission::Passed(what) => self.bus.publish(what),
-            report_limiter::Admission::Dropped(before) => warn!(
+            Admission::Passed(what) => self.bus.publish(what),
+            Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,
                 "it sends too much: journal entries, messages or pictures are dropped; this is logged at \
                  most once a minute"
             ),
-            report_limiter::Admission::DroppedSilently => {}
+            Admission::DroppedSilently => {}
         }
     }
 
@@ -423,8 +421,8 @@ const SILENCE_GRACE: Duration = Duration::from_millis(500);
 
 /// When a running host last sent a message, and how long it may be silent.
 #[derive(Debug)]
-pub(super) struct Liveness {
-    pub(super) limit: Duration,
+struct Liveness {
+    limit: Duration,
     /// Time of the last message; `None` until the host runs.
     last_message: Option<Instant>,
     /// End of the extra time, if it was granted.
@@ -433,7 +431,7 @@ pub(super) struct Liveness {
 
 impl Liveness {
     /// Starts to count at the first call of [`Liveness::reset`].
-    pub(super) fn new(limit: Duration) -> Liveness {
+    fn new(limit: Duration) -> Liveness {
         Liveness {
             limit,
             last_message: None,
@@ -441,35 +439,90 @@ impl Liveness {
         }
     }
 
-    pub(super) fn reset(&mut self) {
+    fn reset(&mut self) {
         (self.last_message, self.grace) = (Some(Instant::now()), None);
     }
 
     /// When the silence will have lasted too long.
-    pub(super) fn deadline(&self) -> Option<Instant> {
+    fn deadline(&self) -> Option<Instant> {
         self.grace
             .or(self.last_message.map(|last| last + self.limit))
     }
 
     /// To be called at the deadline. Whether the host must be ended; first grants the extra time.
-    pub(super) fn is_over(&mut self) -> bool {
+    fn is_over(&mut self) -> bool {
         self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
     }
 }
 
+/// Capacity of the queue of commands to the behaviour.
+const MAX_COMMANDS: usize = 16;
+/// Capacity of the queue to the user; its last slot is reserved for answers.
+const MAX_MESSAGES: usize = 512;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PromptMessage {
+    /// The behaviour accepts commands from now on.
+    Ready,
+    Line(LogLine),
+    /// The outcome of the last [`PromptCommand::Evaluate`].
+    Evaluated(Evaluated),
+    /// The behaviour has ended, and a new one starts.
+    Ended(ScriptExit),
+}
+
+/// The behaviour's end of the two queues.
+#[derive(Debug)]
+pub struct ReplChannel {
+    commands: mpsc::Receiver<PromptCommand>,
+    messages: mpsc::Sender<PromptMessage>,
+}
+
+impl ReplChannel {
+    /// Creates the queues; also returns the user's ends of them.
+    pub fn new() -> (
+        mpsc::Sender<PromptCommand>,
+        mpsc::Receiver<PromptMessage>,
+        ReplChannel,
+    ) {
+        let (commands_sender, commands) = mpsc::channel(MAX_COMMANDS);
+        let (messages, received) = mpsc::channel(MAX_MESSAGES);
+        (
+            commands_sender,
+            received,
+            ReplChannel { commands, messages },
+        )
+    }
+
+    /// Sends a message to the user. A log line is dropped if the user's side does not keep up.
+    fn send(&self, message: PromptMessage) {
+        let room = self.messages.capacity() > 1 || !matches!(message, PromptMessage::Line(_));
+        if room {
+            let _ = self.messages.try_send(message);
+        }
+    }
+}
+
+/// Returns the next command. Without a prompt, or once it is closed, it never completes.
+async fn next_command(repl_channel: &mut Option<ReplChannel>) -> PromptCommand {
+    if let Some(repl_channel) = repl_channel
+        && let Some(command) = repl_channel.commands.recv().await
+    {
+        return command;
+    }
+    std::future::pending().await
+}
+
 /// The part of the incoming frame that was already passed to a host.
 #[derive(Debug, Default)]
-pub(super) struct FrameProgress {
+struct FrameProgress {
     seq: u64,
     passed: usize,
 }
 
 impl FrameProgress {
     /// The bytes received since the last call and their offset, if there are any.
-    pub(super) fn rest(
-        &mut self,
-        PartialFrame { seq, jpeg }: &PartialFrame,
-    ) -> Option<(usize, Bytes)> {
+    fn rest(&mut self, PartialFrame { seq, jpeg }: &PartialFrame) -> Option<(usize, Bytes)> {
         // Fewer bytes than before: the number belongs to a frame of a new connection.
         if *seq != self.seq || jpeg.len() < self.passed {
             (self.seq, self.passed) = (*seq, 0);

@@ -39,6 +39,12 @@ pub(crate) struct SourceText<'a> {
     pub(crate) text: &'a str,
 }
 
+impl SourceText<'_> {
+    pub(crate) fn error(self, span: Span, message: impl Into<String>) -> Diagnostic {
+        Diagnostic::new(self, span, Severity::Error, message)
+    }
+}
+
 /// Maximum length of the source line shown, in characters.
 const LONGEST_LINE: usize = 160;
 

@@ -1,22 +1,14 @@
 //! Explains a failed run in plain words. The VM reports the line and the failed operation; the
 //! syntax tree shows the expressions on that line, and why one of them may be nil.
 
-mod failures;
-
 use std::collections::BTreeMap;
 
-use super::diagnostic::{Diagnostic, Severity, SourceText};
+use super::diagnostic::{Diagnostic, SourceText};
 use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
-use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr};
-use super::{CheckContext, parser, walk};
-use crate::api::{self, Requirement};
-
-struct Explanation {
-    at: Span,
-    message: String,
-    help: String,
-}
+use super::tree::{Expr, ExprKind, LocalId, Node, Statement, StatementKind, Tree, each_node};
+use super::{CheckContext, parser, passing, walk};
+use crate::api::{self, Function, Value};
 
 /// Explains an error such as `a.lua:3: attempt to index nil with 'cx'` in plain words, with the
 /// source line. `None` if it is not in this file or needs no explanation.
@@ -35,38 +27,29 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> 
     let (line, words) = rest.split_once(": ")?;
     let number: usize = line.parse().ok()?;
     let whole = line_span(source, number)?;
-    let tree = parser::parse(source).ok();
-    let explanation = tree.as_ref().and_then(|tree| {
-        let context = CheckContext::defined();
-        let site = ErrorSite::new(tree, source, number, &context);
-        site.explanation(words)
-    });
-    let explanation = explanation.or_else(|| general(words, whole));
-    if explanation.is_none()
-        && ["error(", "assert("]
-            .iter()
-            .any(|call| whole.of(source).contains(call))
-    {
-        // An error that the script raised itself needs no explanation.
-        return None;
-    }
-    let explanation = explanation.unwrap_or(Explanation {
-        at: whole,
-        message: words.to_owned(),
-        help: String::new(),
-    });
-    // The caret must be on the line that the VM reports.
-    let at = if explanation.at.start >= whole.start && explanation.at.start <= whole.end {
-        explanation.at
-    } else {
-        whole
-    };
-    let text = SourceText {
+    let source = SourceText {
         file: chunk,
         text: source,
     };
-    let diagnostic = Diagnostic::new(text, at, Severity::Error, explanation.message);
-    Some(diagnostic.help(explanation.help))
+    let tree = parser::parse(source.text).ok();
+    let explained = tree.as_ref().and_then(|tree| {
+        let context = CheckContext::defined();
+        ErrorSite::new(tree, source, number, &context).explanation(words)
+    });
+    let explained = explained.or_else(|| general(words, source, whole));
+    let line = whole.of(source.text);
+    let raised = ["error(", "assert("].iter().any(|call| line.contains(call));
+    match explained {
+        // An error that the script raised itself needs no explanation.
+        None if raised => None,
+        None => Some(source.error(whole, words)),
+        Some(diagnostic) if diagnostic.line as usize == number => Some(diagnostic),
+        // The caret must be on the line that the VM reports.
+        Some(Diagnostic { message, help, .. }) => Some(Diagnostic {
+            help,
+            ..source.error(whole, message)
+        }),
+    }
 }
 
 fn line_span(source: &str, number: usize) -> Option<Span> {
@@ -84,20 +67,13 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 }
 
 /// Explains an error without a syntax tree.
-fn general(words: &str, at: Span) -> Option<Explanation> {
+fn general(words: &str, source: SourceText<'_>, at: Span) -> Option<Diagnostic> {
     if words.contains("attempt to yield across") {
-        return Some(Explanation {
-            at,
-            message: words.to_owned(),
-            help: "a function for table.sort or gsub, or a metamethod, cannot wait".to_owned(),
-        });
+        let help = "a function for table.sort or gsub, or a metamethod, cannot wait";
+        return Some(source.error(at, words).help(help));
     }
     let found = GENERAL.iter().find(|(part, ..)| words.contains(part));
-    found.map(|(_, message, help)| Explanation {
-        at,
-        message: (*message).to_owned(),
-        help: (*help).to_owned(),
-    })
+    found.map(|(_, message, help)| source.error(at, *message).help(*help))
 }
 
 const NO_FUNCTION: &str = "the value called here is not a function";
@@ -152,7 +128,7 @@ const GENERAL: [(&str, &str, &str); 11] = [
 ];
 
 struct ErrorSite<'a> {
-    source: &'a str,
+    source: SourceText<'a>,
     exprs: Vec<&'a Expr>,
     statements: Vec<&'a Statement>,
     kinds: Kinds<'a>,
@@ -163,15 +139,11 @@ struct ErrorSite<'a> {
 impl<'a> ErrorSite<'a> {
     fn new(
         tree: &'a Tree,
-        source: &'a str,
+        source: SourceText<'a>,
         line: usize,
         context: &'a CheckContext,
     ) -> ErrorSite<'a> {
-        let text = SourceText {
-            file: "",
-            text: source,
-        };
-        let (_, kinds) = walk::walked(tree, text, context);
+        let (_, kinds) = walk::walked(tree, source, context);
         let mut site = ErrorSite {
             source,
             exprs: Vec::new(),
@@ -179,38 +151,45 @@ impl<'a> ErrorSite<'a> {
             kinds,
             begins: BTreeMap::new(),
         };
-        let starts: Vec<usize> = source.match_indices('\n').map(|(at, _)| at).collect();
+        let starts: Vec<usize> = source.text.match_indices('\n').map(|(at, _)| at).collect();
         let line_of = |at: usize| starts.partition_point(|start| *start < at) + 1;
         let on_line =
             |span: Span| line_of(span.start) <= line && line <= line_of(span.end.saturating_sub(1));
-        each_statement(&tree.block, &mut |statement| {
-            if on_line(statement.span) {
-                site.statements.push(statement);
-            }
-            if let StatementKind::Local(ids, values) = &statement.kind {
-                for (at, id) in ids.iter().enumerate() {
-                    let last = values.len().saturating_sub(1);
-                    if let Some(value) = values.get(at.min(last)) {
-                        site.begins.insert(*id, (value, at.saturating_sub(last)));
-                    }
+        each_node(&tree.block, &mut |node| match node {
+            Node::Expr(expr) if on_line(expr.span) => site.exprs.push(expr),
+            Node::Expr(_) => {}
+            Node::Statement(statement) => {
+                if on_line(statement.span) {
+                    site.statements.push(statement);
                 }
-            }
-        });
-        tree.each_expr(&mut |expr| {
-            if on_line(expr.span) {
-                site.exprs.push(expr);
+                if let StatementKind::Local(ids, values) = &statement.kind {
+                    site.note_begin(ids, values);
+                }
             }
         });
         site
     }
 
+    fn note_begin(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
+        let last = values.len().saturating_sub(1);
+        for (at, id) in ids.iter().enumerate() {
+            if let Some(value) = values.get(at.min(last)) {
+                self.begins.insert(*id, (value, at.saturating_sub(last)));
+            }
+        }
+    }
+
+    fn error(&self, span: Span, message: impl Into<String>) -> Diagnostic {
+        self.source.error(span, message)
+    }
+
     fn text(&self, expr: &Expr) -> String {
-        let text = expr.span.of(self.source);
+        let text = expr.span.of(self.source.text);
         let short = crate::script::printable(text.lines().next().unwrap_or_default(), 60);
         short.trim().to_owned()
     }
 
-    fn explanation(&self, words: &str) -> Option<Explanation> {
+    fn explanation(&self, words: &str) -> Option<Diagnostic> {
         if let Some(rest) = words.strip_prefix("attempt to index ") {
             let (what, with) = rest.split_once(" with ")?;
             return self.index(what, with.trim_matches('\''));
@@ -248,36 +227,10 @@ impl<'a> ErrorSite<'a> {
     }
 }
 
-/// Visits every statement, outer ones first, including those in functions.
-fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
-    for statement in block {
-        visit(statement);
-        for inner in statement.blocks() {
-            each_statement(inner, visit);
-        }
-        for expr in statement.exprs() {
-            let mut bodies = Vec::new();
-            outer_functions(expr, &mut bodies);
-            for body in bodies {
-                each_statement(body, visit);
-            }
-        }
-    }
-}
-
-fn outer_functions<'a>(expr: &'a Expr, bodies: &mut Vec<&'a Block>) {
-    if let ExprKind::Function(body) = &expr.kind {
-        return bodies.push(&body.block);
-    }
-    for part in expr.parts() {
-        outer_functions(part, bodies);
-    }
-}
-
 impl<'a> ErrorSite<'a> {
     /// Whether an expression can have this Luau type.
-    fn may_be(&self, expr: &Expr, what: &str) -> bool {
-        let kind = self.kind(expr);
+    fn may_be(&self, expr: &'a Expr, what: &str) -> bool {
+        let kind = self.kinds.kind_of(expr);
         match what {
             "nil" => may_be_nil(kind, expr.bare()),
             "number" => matches!(kind, ValueKind::Number(_) | ValueKind::Unknown),
@@ -301,20 +254,6 @@ impl<'a> ErrorSite<'a> {
         }
     }
 
-    fn kind(&self, expr: &Expr) -> ValueKind<'a> {
-        // Look up the same expression in the error site, where it has the lifetime of the tree.
-        let own = self.exprs.iter().find_map(|one| {
-            let mut found = None;
-            each_in_expr(one, &mut |part| {
-                if std::ptr::eq(part, expr) {
-                    found = Some(part);
-                }
-            });
-            found
-        });
-        own.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
-    }
-
     fn is(&self, expr: &Expr, what: &str) -> String {
         match expr.bare().kind {
             ExprKind::Nil => "this is nil".to_owned(),
@@ -323,7 +262,7 @@ impl<'a> ErrorSite<'a> {
     }
 
     /// Says why the value may be nil, and what to do.
-    fn why(&self, expr: &Expr, what: &str) -> String {
+    fn why(&self, expr: &'a Expr, what: &str) -> String {
         if what != "nil" && what != "nothing" {
             return match what {
                 "string" => format!(
@@ -354,7 +293,7 @@ impl<'a> ErrorSite<'a> {
                     "{reason}put it in a variable and test it first: local it = {name}, then if it then ... end"
                 )
             }
-            ExprKind::Field(object, field, _) => match self.kind(object) {
+            ExprKind::Field(object, field, _) => match self.kinds.kind_of(object) {
                 ValueKind::Object(_) => format!("test it first: if {name} then ... end"),
                 _ => format!(
                     "{field} of {} has no value yet; check the spelling",
@@ -366,9 +305,9 @@ impl<'a> ErrorSite<'a> {
     }
 
     /// Says why the result of a call, or an item of a list, may be nil; empty if unknown.
-    fn reason(&self, value: &Expr, number: usize) -> String {
+    fn reason(&self, value: &'a Expr, number: usize) -> String {
         match &value.bare().kind {
-            ExprKind::Item(list, _) => match self.kind_anywhere(list) {
+            ExprKind::Item(list, _) => match self.kinds.kind_of(list) {
                 ValueKind::List(_) => format!("{} found none; ", self.called(list)),
                 _ => String::new(),
             },
@@ -377,10 +316,7 @@ impl<'a> ErrorSite<'a> {
                     return String::new();
                 };
                 match function.returns.get(number) {
-                    Some(result)
-                        if result.requirement != Requirement::Required
-                            && !result.doc.is_empty() =>
-                    {
+                    Some(result) if !result.is_required() && !result.doc.is_empty() => {
                         format!("{} returns {}; ", function.path, result.doc)
                     }
                     None if function.returns.is_empty() => {
@@ -393,7 +329,7 @@ impl<'a> ErrorSite<'a> {
         }
     }
 
-    fn called(&self, list: &Expr) -> String {
+    fn called(&self, list: &'a Expr) -> String {
         let list = match &list.bare().kind {
             ExprKind::Local(id) => self.begins.get(id).map_or(list, |(value, _)| value),
             _ => list,
@@ -402,28 +338,11 @@ impl<'a> ErrorSite<'a> {
             .map_or_else(|| "it".to_owned(), |function| function.key().to_owned())
     }
 
-    fn native(&self, call: &Expr) -> Option<&'static api::Function> {
-        match &call.bare().kind {
-            ExprKind::Call(callee, _) => match self.kind_anywhere(callee) {
-                ValueKind::Native(function) => Some(function),
-                _ => None,
-            },
-            ExprKind::Method(object, name, ..) => {
-                self.kinds.method(self.kind_anywhere(object), name)
-            }
+    fn native(&self, call: &'a Expr) -> Option<&'static Function> {
+        match self.kinds.callee(call.bare()) {
+            ValueKind::Native(function) => Some(function),
             _ => None,
         }
-    }
-
-    /// Same as `kind`, but also for expressions on other lines.
-    fn kind_anywhere(&self, expr: &Expr) -> ValueKind<'a> {
-        let mut found = None;
-        self.kinds.tree.each_expr(&mut |part| {
-            if std::ptr::eq(part, expr) {
-                found = Some(part);
-            }
-        });
-        found.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
     }
 }
 
@@ -465,6 +384,355 @@ fn a(what: &str) -> String {
         "boolean" => "true or false".to_owned(),
         other => format!("a {other}"),
     }
+}
+
+impl<'a> ErrorSite<'a> {
+    fn index(&self, what: &str, key: &str) -> Option<Diagnostic> {
+        let read = |expr: &&'a Expr| match &expr.kind {
+            ExprKind::Field(object, name, _) | ExprKind::Method(object, name, ..)
+                if name == key =>
+            {
+                Some(&**object)
+            }
+            ExprKind::Item(object, _) if matches!(key, "number" | "string" | "nil" | "boolean") => {
+                Some(&**object)
+            }
+            ExprKind::Item(object, index) => match self.kinds.kind_of(index) {
+                ValueKind::Text(Some(text)) if text != key => None,
+                _ => Some(&**object),
+            },
+            _ => None,
+        };
+        let mut found = self
+            .exprs
+            .iter()
+            .filter_map(|expr| read(expr).map(|object| (*expr, object)));
+        let (whole, object) = found.find(|(_, object)| self.may_be(object, what))?;
+        let name = self.text(object);
+        let message = match whole.kind {
+            ExprKind::Item(..) => {
+                format!("{}, so nothing can be read from it", self.is(object, what))
+            }
+            ExprKind::Method(..) => format!(
+                "{}, so `{name}:{key}()` cannot be called",
+                self.is(object, what)
+            ),
+            _ => format!(
+                "{}, so `{name}.{key}` cannot be read",
+                self.is(object, what)
+            ),
+        };
+        let help = self.why(object, what);
+        Some(self.error(object.span, message).help(help))
+    }
+
+    fn missing_method(&self, name: &str) -> Option<Diagnostic> {
+        let mut exprs = self.exprs.iter();
+        exprs.find_map(|expr| match &expr.kind {
+            ExprKind::Method(object, method, at, _) if method == name => {
+                let message = format!("`{}` has no function `{name}`", self.text(object));
+                Some(self.error(*at, message).help("check its spelling"))
+            }
+            _ => None,
+        })
+    }
+
+    fn call(&self, what: &str) -> Option<Diagnostic> {
+        let mut exprs = self.exprs.iter();
+        let callee = exprs.find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, _) => self.may_be(callee, what).then_some(&**callee),
+            _ => None,
+        })?;
+        let help = match (&callee.kind, what) {
+            (ExprKind::Field(_, name, _), "nil") => {
+                format!("there is no function called `{name}` there; check its spelling")
+            }
+            (_, "nil") => {
+                "there is no function of that name here; check its spelling, and that it is \
+                           defined above this line"
+                    .to_owned()
+            }
+            _ => "only functions can be called".to_owned(),
+        };
+        let message = format!("{}, so it cannot be called", self.is(callee, what));
+        Some(self.error(callee.span, message).help(help))
+    }
+
+    fn arithmetic(&self, operation: &str, types: &str) -> Option<Diagnostic> {
+        let operator = match operation {
+            "add" => "+",
+            "sub" | "unm" => "-",
+            "mul" => "*",
+            "div" => "/",
+            "idiv" => "//",
+            "mod" => "%",
+            "pow" => "^",
+            _ => return None,
+        };
+        let (left, right) = types.split_once(" and ").unwrap_or((types, types));
+        let (side, what) = self.sides(operator, left, right, |what| what != "number")?;
+        let explanation = self.operand(side, what, "so it cannot be used in arithmetic");
+        if operator == "+" && what == "string" {
+            return Some(explanation.help("to join strings, write .. instead of +"));
+        }
+        Some(explanation)
+    }
+
+    fn compare(&self, words: &str) -> Option<Diagnostic> {
+        let mut parts = words.split(' ');
+        let left = parts.next()?;
+        let operator = parts.next()?;
+        let right = parts.next()?;
+        let turned = if operator == "<" { ">" } else { ">=" };
+        let other = if left == "number" || left == "string" {
+            right
+        } else {
+            left
+        };
+        let wrong = |what: &str| what == other;
+        let found = self
+            .sides(operator, left, right, wrong)
+            .or_else(|| self.sides(turned, right, left, wrong));
+        let (side, what) = found?;
+        Some(self.operand(side, what, "so it cannot be compared with < or >"))
+    }
+
+    fn operand(&self, side: &'a Expr, what: &str, so: &str) -> Diagnostic {
+        self.error(side.span, format!("{}, {so}", self.is(side, what)))
+            .help(self.why(side, what))
+    }
+
+    /// Finds an operation on this line and returns its operand of the wrong type.
+    fn sides<'b>(
+        &self,
+        operator: &str,
+        left: &'b str,
+        right: &'b str,
+        wrong: impl Fn(&str) -> bool,
+    ) -> Option<(&'a Expr, &'b str)> {
+        let of_exprs = self.exprs.iter().filter_map(|expr| match &expr.kind {
+            ExprKind::Binary(one, a, b) if one == operator => Some((&**a, &**b)),
+            ExprKind::Unary(one, a) if one == operator => Some((&**a, &**a)),
+            _ => None,
+        });
+        let of_statements = self
+            .statements
+            .iter()
+            .filter_map(|statement| match &statement.kind {
+                StatementKind::Compound(a, one, b) if one == operator => Some((a, b)),
+                _ => None,
+            });
+        let mut pairs = of_exprs.chain(of_statements);
+        pairs.find_map(|(a, b)| {
+            if wrong(left) && self.may_be(a, left) && (wrong(right) || self.may_be(b, right)) {
+                return Some((a, left));
+            }
+            (wrong(right) && self.may_be(b, right) && self.may_be(a, left)).then_some((b, right))
+        })
+    }
+
+    /// The parts of the line's `..` that may be what the message says.
+    fn joined(&self, what: &str) -> Vec<&'a Expr> {
+        let mut leaves = Vec::new();
+        for expr in &self.exprs {
+            if let ExprKind::Binary(operator, a, b) = &expr.kind
+                && operator == ".."
+            {
+                let ends = [&**a, &**b].into_iter();
+                leaves.extend(ends.filter(
+                    |one| !matches!(&one.kind, ExprKind::Binary(operator, ..) if operator == ".."),
+                ));
+            }
+        }
+        leaves.retain(|leaf| {
+            self.may_be(leaf, what)
+                && !matches!(
+                    self.kinds.kind_of(leaf),
+                    ValueKind::Text(_) | ValueKind::Number(_)
+                )
+        });
+        leaves.sort_by_key(|leaf| leaf.span.start);
+        leaves
+    }
+
+    fn join(&self, left: &str, right: &str) -> Option<Diagnostic> {
+        let joins = |what: &str| matches!(what, "string" | "number");
+        let what = if joins(left) { right } else { left };
+        let leaves = self.joined(what);
+        let statement = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Compound(a, operator, b) if operator == ".." => {
+                    Some(if joins(left) { b } else { a })
+                }
+                _ => None,
+            });
+        let side = leaves.first().copied().or(statement)?;
+        if leaves.len() > 1 && what == "nil" {
+            let names: Vec<_> = leaves
+                .iter()
+                .map(|leaf| format!("`{}`", self.text(leaf)))
+                .collect();
+            let message = format!(
+                "one of {} is nil, so it cannot be joined to a string",
+                names.join(", ")
+            );
+            let help = "tostring(value) converts any value to a string";
+            return Some(self.error(side.span, message).help(help));
+        }
+        let explanation = self.operand(side, what, "so it cannot be joined to a string");
+        if what == "nil" {
+            return Some(explanation);
+        }
+        Some(explanation.help(format!(
+            "tostring({}) converts it to a string",
+            self.text(side)
+        )))
+    }
+
+    fn length(&self, what: &str) -> Option<Diagnostic> {
+        let side = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Unary(operator, operand) if operator == "#" && self.may_be(operand, what) => {
+                Some(&**operand)
+            }
+            _ => None,
+        })?;
+        Some(self.operand(side, what, "so it has no length"))
+    }
+
+    fn iterate(&self, what: &str) -> Option<Diagnostic> {
+        let list = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Each(_, values, _) => values.first(),
+                _ => None,
+            })?;
+        let explanation = self.operand(list, what, "so a loop cannot go through it");
+        if what != "number" {
+            return Some(explanation);
+        }
+        Some(explanation.help(format!("to count, write for i = 1, {} do", self.text(list))))
+    }
+
+    /// `initial value must be a number`, in the VM's words.
+    fn count(&self, words: &str) -> Option<Diagnostic> {
+        let values = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Count(_, values, _) => Some(values),
+                _ => None,
+            })?;
+        let (at, which) = match words {
+            words if words.starts_with("initial") => (0, "begins"),
+            words if words.starts_with("limit") => (1, "ends"),
+            _ => (2, "steps"),
+        };
+        let value = values.get(at)?;
+        let what = words
+            .split("got ")
+            .nth(1)
+            .unwrap_or("nil")
+            .trim_end_matches(')');
+        let is = self.is(value, what);
+        let message = format!("a `for` {which} with a number, but {is}");
+        Some(self.error(value.span, message).help(self.why(value, what)))
+    }
+
+    /// `invalid argument #1 to 'floor' (number expected, got nil)`.
+    fn library_argument(&self, words: &str) -> Option<Diagnostic> {
+        let (_, rest) = words.split_once('#')?;
+        let (number, rest) = rest.split_once(" to '")?;
+        let (name, rest) = rest.split_once('\'')?;
+        let detail = rest.trim().trim_start_matches('(').trim_end_matches(')');
+        let (callee, arguments, method) = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, arguments) => {
+                let ends = callee.span.of(self.source.text).rsplit(['.', ':']).next() == Some(name);
+                ends.then_some((callee.span, arguments, false))
+            }
+            ExprKind::Method(_, method, at, arguments) if method == name => {
+                Some((*at, arguments, true))
+            }
+            _ => None,
+        })?;
+        let number: usize = number.parse().ok()?;
+        let number = number - usize::from(method && number > 1);
+        let (wanted, got) = detail.split_once(" expected").unwrap_or((detail, ""));
+        let got = got.split("got ").nth(1).unwrap_or("nothing");
+        let path = callee.of(self.source.text);
+        let argument = arguments.get(number.saturating_sub(1));
+        let message = match argument {
+            Some(argument) => format!(
+                "{path}: `{}` must be a {wanted}, but it is {}",
+                self.text(argument),
+                a(got)
+            ),
+            None => format!("{path}: argument {number} is missing; it must be a {wanted}"),
+        };
+        let help = argument.map_or_else(String::new, |argument| self.why(argument, got));
+        let at = argument.map_or(callee, |argument| argument.span);
+        Some(self.error(at, message).help(help))
+    }
+
+    /// `robot.move: left must be ...`: the caret goes below the argument.
+    fn api(&self, words: &str) -> Option<Diagnostic> {
+        let (path, rest) = words.split_once(": ")?;
+        let function = api::function(path)?;
+        let key = function.key();
+        let (whole, arguments) = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, arguments) => {
+                let ends = callee.span.of(self.source.text).rsplit(['.', ':']).next() == Some(key);
+                ends.then_some((*expr, arguments))
+            }
+            ExprKind::Method(_, name, _, arguments) if name == key => Some((*expr, arguments)),
+            _ => None,
+        })?;
+        let named = function.parameters.iter().position(|parameter| {
+            let what = format!("{} ", parameter.label());
+            let rest = rest.strip_prefix("unknown ").unwrap_or(rest);
+            rest.starts_with(&what)
+        });
+        let counted = function_argument(function, rest);
+        let argument = named.or(counted).and_then(|at| arguments.get(at));
+        let kind = named.and_then(|at| function.parameters.get(at));
+        let kind = kind.map(|parameter| parameter.kind);
+        let wants_function = kind.is_some_and(|kind| kind.is_function());
+        let wants_result = counted.is_some() || kind.is_some_and(|kind| kind.wants_result());
+        let passed = match argument {
+            Some(argument) if wants_function || counted.is_some() => {
+                passing::help(self.source.text, argument, Some(whole.span), wants_result)
+            }
+            _ => None,
+        };
+        let help = passed.unwrap_or_else(|| match argument {
+            Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
+                self.why(argument, "nil")
+            }
+            _ if rest.contains("is missing") => format!("it is called as {}", function.call()),
+            _ => String::new(),
+        });
+        let at = argument.map_or(whole.span, |argument| argument.span);
+        Some(self.error(at, words).help(help))
+    }
+}
+
+/// Returns the index of the argument that is no function, if the error names it by its number or as
+/// a node of a behaviour tree.
+fn function_argument(function: &Function, words: &str) -> Option<usize> {
+    let mut parameters = function.parameters.iter();
+    let is_function = |parameter: &Value| parameter.kind.is_function();
+    if words.starts_with("the condition: a node must be a function") {
+        return parameters.position(is_function);
+    }
+    if words.starts_with("a node must be a function") {
+        return parameters.rposition(is_function);
+    }
+    let (number, _) = words
+        .strip_prefix("argument ")?
+        .split_once(" must be a function")?;
+    number.parse::<usize>().ok()?.checked_sub(1)
 }
 
 #[cfg(test)]

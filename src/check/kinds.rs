@@ -3,7 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tree::{Block, Body, Entry, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use super::tree::{
+    Block, Body, Entry, Expr, ExprKind, LocalId, Node, Statement, StatementKind, Tree, each_node,
+};
 use crate::api::{self, Choice, Function, Namespace, Object, Type};
 
 #[derive(Debug, Clone, Copy)]
@@ -70,32 +72,18 @@ impl<'a> Kinds<'a> {
             locals: BTreeMap::new(),
             choices: BTreeMap::new(),
         };
-        kinds.note_block(&tree.block);
-        tree.each_expr(&mut |expr| match &expr.kind {
-            ExprKind::Function(body) => kinds.note_block(&body.block),
-            ExprKind::Table(entries) => {
-                for entry in entries {
-                    if let Entry::Named(name, ..) = entry {
-                        kinds.fields.insert(name);
-                    }
-                }
+        each_node(&tree.block, &mut |node| match node {
+            Node::Statement(statement) => kinds.note_names(statement),
+            Node::Expr(expr) => {
+                let names = expr.entries().iter().filter_map(Entry::name);
+                kinds.fields.extend(names);
             }
-            _ => {}
         });
         kinds
     }
 
-    /// Records the names that the statements of a block set.
-    fn note_block(&mut self, block: &'a Block) {
-        for statement in block {
-            self.record_kind(statement);
-            for inner in statement.blocks() {
-                self.note_block(inner);
-            }
-        }
-    }
-
-    fn record_kind(&mut self, statement: &'a Statement) {
+    /// Records the names that a statement sets.
+    fn note_names(&mut self, statement: &'a Statement) {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
             StatementKind::Function(target, _) => vec![target],
@@ -159,7 +147,7 @@ impl<'a> Kinds<'a> {
             }
             ExprKind::Field(object, name, _) => self.field(self.kind_of(object), name),
             ExprKind::Item(list, index) => match (self.kind_of(list), self.kind_of(index)) {
-                (ValueKind::List(of), ValueKind::Number(_)) => of_type(of),
+                (ValueKind::List(of), ValueKind::Number(_)) => of_type(*of),
                 _ => ValueKind::Unknown,
             },
             ExprKind::Call(..) | ExprKind::Method(..) => self.result(expr, 0),
@@ -174,7 +162,7 @@ impl<'a> Kinds<'a> {
             ValueKind::Namespace(namespace) => {
                 let path = format!("{namespace}.{name}");
                 if let Some(constant) = api::constants().find(|one| one.path == path) {
-                    return of_type(&constant.kind);
+                    return of_type(constant.kind);
                 }
                 api::function(&path).map_or(ValueKind::Unknown, ValueKind::Native)
             }
@@ -182,18 +170,15 @@ impl<'a> Kinds<'a> {
                 .function(name)
                 .map_or(ValueKind::Unknown, ValueKind::Native),
             ValueKind::Params(table) => {
-                let about = parameter(table, name).map(|about| &about.bare().kind);
-                let Some(ExprKind::Table(entries)) = about else {
-                    return ValueKind::Unknown;
-                };
-                match entries.iter().find_map(|entry| entry.named("default")) {
-                    Some(default) => self.kind_of(default).of_any_value(),
-                    None => ValueKind::Unknown,
-                }
+                let about = value_of(table, name).map(Expr::bare);
+                let default = about.and_then(|about| value_of(about, "default"));
+                default.map_or(ValueKind::Unknown, |default| {
+                    self.kind_of(default).of_any_value()
+                })
             }
             ValueKind::Object(object) if object.strict || !self.fields.contains(name) => {
-                let field = object.fields.iter().find(|field| field.name == name);
-                field.map_or(ValueKind::Unknown, |field| of_type(&field.kind))
+                let field = object.field(name);
+                field.map_or(ValueKind::Unknown, |field| of_type(field.kind))
             }
             _ => ValueKind::Unknown,
         }
@@ -217,7 +202,7 @@ impl<'a> Kinds<'a> {
             Some(_) if number == 0 && matches!(function.path, "robot.move" | "robot.drive") => {
                 ValueKind::Unknown
             }
-            Some(kind) => of_owned(kind),
+            Some(kind) => of_type(kind),
             None if function.returns.is_empty() && function.rest.is_none() => ValueKind::Nothing,
             None => ValueKind::Unknown,
         }
@@ -250,8 +235,7 @@ impl<'a> Kinds<'a> {
                 let ValueKind::Object(object) = self.kind_of(object) else {
                     return None;
                 };
-                let field = object.fields.iter().find(|field| field.name == name)?;
-                match field.kind {
+                match object.field(name)?.kind {
                     Type::Choice(choice) => Some(choice),
                     _ => None,
                 }
@@ -284,18 +268,13 @@ impl<'a> Kinds<'a> {
     pub(super) fn callee(&self, call: &'a Expr) -> ValueKind<'a> {
         match &call.kind {
             ExprKind::Call(callee, _) => self.kind_of(callee),
-            ExprKind::Method(object, name, ..) => {
-                let method = self.method(self.kind_of(object), name);
-                method.map_or(ValueKind::Unknown, ValueKind::Native)
-            }
+            ExprKind::Method(object, name, ..) => match self.kind_of(object) {
+                ValueKind::Object(object) => object
+                    .method(name)
+                    .map_or(ValueKind::Unknown, ValueKind::Native),
+                _ => ValueKind::Unknown,
+            },
             _ => ValueKind::Unknown,
-        }
-    }
-
-    pub(super) fn method(&self, owner: ValueKind<'a>, name: &str) -> Option<&'static Function> {
-        match owner {
-            ValueKind::Object(object) => object.method(name),
-            _ => None,
         }
     }
 
@@ -340,21 +319,15 @@ impl ValueKind<'_> {
 
 /// Returns the keys of a table constructor, if all its entries have the form `name = value`.
 pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
-    let ExprKind::Table(entries) = &table.kind else {
-        return None;
-    };
-    let names = entries.iter().map(|entry| match entry {
-        Entry::Named(name, ..) => Some(name.as_str()),
-        _ => None,
-    });
-    names.collect()
+    table.entries().iter().map(Entry::name).collect()
 }
 
-fn parameter<'a>(table: &'a Expr, name: &str) -> Option<&'a Expr> {
-    let ExprKind::Table(entries) = &table.kind else {
-        return None;
-    };
-    entries.iter().find_map(|entry| entry.named(name))
+/// Returns the value of a key of a table constructor.
+fn value_of<'a>(table: &'a Expr, key: &str) -> Option<&'a Expr> {
+    let mut entries = table.entries().iter();
+    entries
+        .find(|entry| entry.name() == Some(key))
+        .map(Entry::value)
 }
 
 fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
@@ -368,11 +341,7 @@ fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-pub(super) fn of_type<'a>(kind: &'static Type) -> ValueKind<'a> {
-    of_owned(*kind)
-}
-
-fn of_owned<'a>(kind: Type) -> ValueKind<'a> {
+pub(super) fn of_type<'a>(kind: Type) -> ValueKind<'a> {
     match kind {
         Type::Boolean => ValueKind::Boolean,
         Type::Number(_) | Type::Whole(_) => ValueKind::Number(None),

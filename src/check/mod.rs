@@ -4,7 +4,6 @@
 
 mod diagnostic;
 mod explain;
-mod foreign;
 mod kinds;
 mod lexer;
 mod parser;
@@ -22,7 +21,6 @@ use tokio::time::Instant;
 use crate::api;
 use crate::robot::Streams;
 use crate::script::{Failure, GivenParam, Options, Script, compile_error, read_text, resolve};
-use crate::vision::Colour;
 
 use diagnostic::SourceText;
 pub use diagnostic::{Diagnostic, Severity};
@@ -77,11 +75,6 @@ impl CheckContext {
             params: BTreeMap::new(),
             streams: Streams::default(),
         }
-    }
-
-    fn colour_names(&self) -> Vec<String> {
-        let known = Colour::NAMES.iter().map(|name| (*name).to_owned());
-        self.colours.iter().cloned().chain(known).collect()
     }
 
     /// Returns why there is no such module; `None` if there may be one.
@@ -143,12 +136,6 @@ pub fn check(source: &[u8], chunk: &str, context: &CheckContext) -> Vec<Diagnost
     }
 }
 
-/// Whether a source can be parsed into a tree.
-#[cfg(test)]
-fn reads(source: &str) -> bool {
-    parser::parse(source).is_ok()
-}
-
 fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Diagnostic {
     let text = String::from_utf8_lossy(source);
     let line = match failure {
@@ -168,7 +155,7 @@ fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Diagnostic {
         file: chunk,
         text: &text,
     };
-    Diagnostic::new(source, span, Severity::Error, words)
+    source.error(span, words)
 }
 
 #[cfg(test)]
@@ -177,7 +164,7 @@ mod tests {
 
     use proptest::prelude::*;
 
-    use super::{CheckContext, Diagnostic, Severity, check, explain, reads};
+    use super::{CheckContext, Diagnostic, Severity, check, explain, parser};
     use crate::api;
     use crate::robot::{Streams, Use};
     use crate::script::Options;
@@ -336,8 +323,11 @@ mod tests {
             api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
         let functions = of_behaviours.flat_map(|one| one.functions);
         let methods = api::methods().filter(|one| one.owner() != "sim");
-        let functions = functions.chain(methods).map(|one| (one.path, one.example));
-        for (path, example) in functions.chain(api::constants().map(|one| (one.path, one.example)))
+        let functions = functions
+            .chain(methods)
+            .map(|one| (one.path, one.example()));
+        for (path, example) in
+            functions.chain(api::constants().map(|one| (one.path, one.example())))
         {
             let source =
                 format!("local function see(frame)\n{example}\nend\nrobot.on('frame', see)");
@@ -400,7 +390,7 @@ mod tests {
                 let compiles = chunk.into_function().is_ok();
                 let deep = ["nested_parentheses", "nested_functions"].contains(&name);
                 assert!(
-                    !compiles || deep || reads(text.trim_start_matches('\u{feff}')),
+                    !compiles || deep || parser::parse(text.trim_start_matches('\u{feff}')).is_ok(),
                     "{}",
                     path.display()
                 );

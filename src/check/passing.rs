@@ -22,11 +22,9 @@ pub(super) fn help(
             let result = if wants_result { "return " } else { "" };
             return Some(wrapped("call", &format!("{result}{}", shown(call, source))));
         }
-        ExprKind::Binary(..) | ExprKind::Unary(..) if wants_result && has_call(call) => {
-            return Some(wrapped(
-                "evaluate",
-                &format!("return {}", shown(call, source)),
-            ));
+        ExprKind::Binary(..) | ExprKind::Unary(..) if wants_result && call.any(&Expr::is_call) => {
+            let text = format!("return {}", shown(call, source));
+            return Some(wrapped("evaluate", &text));
         }
         _ => return None,
     };
@@ -51,12 +49,6 @@ fn wrapped(verb: &str, text: &str) -> String {
 fn shown<'a>(expr: &Expr, source: &'a str) -> &'a str {
     let text = expr.span.of(source);
     if is_short(text) { text } else { "..." }
-}
-
-/// Whether an expression calls something; functions nested in it do not count.
-fn has_call(expr: &Expr) -> bool {
-    matches!(expr.kind, ExprKind::Call(..) | ExprKind::Method(..))
-        || expr.parts().into_iter().any(has_call)
 }
 
 fn is_short(text: &str) -> bool {

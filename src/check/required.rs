@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::diagnostic::{Diagnostic, Severity, SourceText};
+use super::diagnostic::{Diagnostic, SourceText};
 use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
 use super::parser;
-use super::tree::{Entry, Expr, ExprKind};
+use super::tree::{Entry, Expr, ExprKind, Node, each_node};
+use crate::robot::DeclaredParam;
 use crate::script::{
-    Declaration, GivenParam, ModuleName, ParamValue, Target, param_values, read_text, resolve,
+    GivenParam, ModuleName, ParamValue, Target, check_declaration, read_text, resolve, set_given,
 };
 
 /// One of a script's own modules, and where it is first required.
@@ -26,7 +27,7 @@ impl Required {
     pub fn refused(&self, source: &[u8], file: &str, why: &str) -> Option<Diagnostic> {
         let text = std::str::from_utf8(source).ok()?;
         let source = SourceText { file, text };
-        Some(Diagnostic::new(source, self.at, Severity::Error, why))
+        Some(source.error(self.at, why))
     }
 }
 
@@ -38,9 +39,10 @@ pub fn required(source: &[u8], folder: &str) -> Vec<Required> {
     let Some(tree) = text.and_then(|text| parser::parse(text).ok()) else {
         return found;
     };
-    tree.each_expr(&mut |expr| {
-        let Some((path, at)) = path(expr) else { return };
-        if let Ok(Target::File(name)) = resolve(folder, path)
+    each_node(&tree.block, &mut |node| {
+        if let Node::Expr(expr) = node
+            && let Some((path, at)) = path(expr)
+            && let Ok(Target::File(name)) = resolve(folder, path)
             && !found.iter().any(|one| one.name == name)
         {
             found.push(Required { name, at });
@@ -71,26 +73,22 @@ pub(super) fn refused(
     table: &Expr,
     given: &BTreeMap<String, GivenParam>,
 ) -> Option<String> {
-    let ExprKind::Table(entries) = &table.kind else {
-        return None;
-    };
     let mut declared = BTreeMap::new();
-    for entry in entries {
+    for entry in table.entries() {
         let Entry::Named(name, _, about) = entry else {
             return None;
         };
-        let declaration = declaration(kinds, about)?;
-        if let Err(wrong) = declaration.check() {
+        let declaration = declaration(kinds, name, about)?;
+        if let Err(wrong) = check_declaration(&declaration) {
             return Some(format!("params.declare: {name}: {wrong}"));
         }
         declared.insert(name.clone(), declaration);
     }
-    param_values(&declared, given)
-        .err()
-        .map(|error| error.to_string())
+    let set = set_given(&mut declared, given);
+    set.err().map(|error| error.to_string())
 }
 
-fn declaration(kinds: &Kinds<'_>, about: &Expr) -> Option<Declaration> {
+fn declaration(kinds: &Kinds<'_>, name: &str, about: &Expr) -> Option<DeclaredParam> {
     let ExprKind::Table(entries) = &about.bare().kind else {
         return None;
     };
@@ -112,8 +110,9 @@ fn declaration(kinds: &Kinds<'_>, about: &Expr) -> Option<Declaration> {
         None => Vec::new(),
         Some(list) => texts(kinds, list)?,
     };
-    Some(Declaration {
-        default: constant(kinds, values.get("default")?)?,
+    Some(DeclaredParam {
+        name: name.to_owned(),
+        value: constant(kinds, values.get("default")?)?,
         min: number("min")?,
         max: number("max")?,
         unit: None,

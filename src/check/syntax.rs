@@ -3,24 +3,18 @@
 
 mod gaps;
 
-use super::diagnostic::{Diagnostic, Severity, SourceText};
+use super::diagnostic::{Diagnostic, SourceText};
 use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
 /// A source with its tokens, and the line and words of the compiler's error.
 struct ErrorSite<'a> {
-    source: &'a str,
+    source: SourceText<'a>,
     tokens: Vec<Token>,
     line: usize,
     words: &'a str,
     /// Positions of the line ends.
     ends: Vec<usize>,
-}
-
-struct Explanation {
-    at: Span,
-    message: String,
-    help: String,
 }
 
 /// For an error such as `a.lua:3: Expected 'then' when parsing if statement`.
@@ -34,21 +28,19 @@ pub(super) fn diagnostic(source: SourceText<'_>, complaint: &str) -> Diagnostic 
     };
     let words = words.lines().next().unwrap_or_default();
     let site = ErrorSite {
-        source: source.text,
+        source,
         tokens: tokens(source.text),
         line,
         words,
         ends: source.text.match_indices('\n').map(|(at, _)| at).collect(),
     };
-    let explanation = site.explanation();
-    Diagnostic::new(source, explanation.at, Severity::Error, explanation.message)
-        .help(explanation.help)
+    site.explanation()
 }
 
 impl ErrorSite<'_> {
-    fn explanation(&self) -> Explanation {
+    fn explanation(&self) -> Diagnostic {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Explanation>; 17] = [
+        let rules: [fn(&Self) -> Option<Diagnostic>; 17] = [
             Self::quotes,
             Self::unfinished,
             Self::unknown_symbols,
@@ -68,15 +60,15 @@ impl ErrorSite<'_> {
             Self::missing_word,
         ];
         let found = rules.iter().find_map(|rule| rule(self));
-        found.unwrap_or_else(|| Explanation {
-            at: self.location(),
-            message: plain(self.words),
-            help: String::new(),
-        })
+        found.unwrap_or_else(|| self.error(self.location(), plain(self.words)))
+    }
+
+    fn error(&self, span: Span, message: impl Into<String>) -> Diagnostic {
+        self.source.error(span, message)
     }
 
     fn text(&self, token: &Token) -> &str {
-        token.span.of(self.source)
+        token.span.of(self.source.text)
     }
 
     fn line_of(&self, token: &Token) -> usize {
@@ -108,16 +100,15 @@ impl ErrorSite<'_> {
     }
 
     fn last_line_before(&self) -> Vec<Token> {
-        let before = self
-            .tokens
-            .iter()
-            .rfind(|token| self.line_of(token) < self.line && token.kind != TokenKind::End);
+        let mut tokens = self.tokens.iter();
+        let before =
+            tokens.rfind(|token| self.line_of(token) < self.line && token.kind != TokenKind::End);
         before.map_or_else(Vec::new, |token| self.of_line(self.line_of(token)))
     }
 
     /// Where our own parser failed, if that is on the line; otherwise the whole line.
     fn location(&self) -> Span {
-        if let Err(error) = parser::parse(self.source)
+        if let Err(error) = parser::parse(self.source.text)
             && self.line_at(error.at.start) == self.line
         {
             return error.at;
@@ -134,7 +125,7 @@ impl ErrorSite<'_> {
     }
 
     fn end_of_file(&self) -> Span {
-        let end = self.source.trim_end().len();
+        let end = self.source.text.trim_end().len();
         Span { start: end, end }
     }
 }
@@ -163,18 +154,16 @@ fn plain(words: &str) -> String {
 }
 
 impl ErrorSite<'_> {
-    fn quotes(&self) -> Option<Explanation> {
+    fn quotes(&self) -> Option<Diagnostic> {
         let typographic = ['“', '”', '„', '‘', '’', '«', '»'];
         let is_one = |token: &&Token| self.text(token).starts_with(typographic);
         let token = self.around().into_iter().find(|token| is_one(&token))?;
-        Some(Explanation {
-            at: token.span,
-            message: "these are typographic quotes".to_owned(),
-            help: "a string is written in straight quotes: \"text\"".to_owned(),
-        })
+        let message = "these are typographic quotes";
+        let help = "a string is written in straight quotes: \"text\"";
+        Some(self.error(token.span, message).help(help))
     }
 
-    fn unfinished(&self) -> Option<Explanation> {
+    fn unfinished(&self) -> Option<Diagnostic> {
         let token = self
             .tokens
             .iter()
@@ -182,34 +171,18 @@ impl ErrorSite<'_> {
         if self.line_of(token) > self.line {
             return None;
         }
+        let open_string = "this string has no closing quote";
         let (message, help) = match self.text(token).chars().next() {
             Some('-' | '[') => ("this has no end", "a long comment ends with ]]"),
-            Some('`') => (
-                "this string has no closing quote",
-                "a string in backticks ends with `",
-            ),
-            Some('}') => (
-                "this string has no closing quote",
-                "a string in backticks ends with `",
-            ),
-            Some('\'') => (
-                "this string has no closing quote",
-                "it ends with ', in the same line",
-            ),
-            _ => (
-                "this string has no closing quote",
-                "it ends with \", in the same line",
-            ),
+            Some('`' | '}') => (open_string, "a string in backticks ends with `"),
+            Some('\'') => (open_string, "it ends with ', in the same line"),
+            _ => (open_string, "it ends with \", in the same line"),
         };
-        Some(Explanation {
-            at: token.span,
-            message: message.to_owned(),
-            help: help.to_owned(),
-        })
+        Some(self.error(token.span, message).help(help))
     }
 
     /// Symbols that this language does not have.
-    fn unknown_symbols(&self) -> Option<Explanation> {
+    fn unknown_symbols(&self) -> Option<Diagnostic> {
         let tokens = self.around();
         for (at, token) in tokens.iter().enumerate() {
             let next = tokens.get(at + 1).map_or("", |next| self.text(next));
@@ -226,54 +199,46 @@ impl ErrorSite<'_> {
                 _ => token.span,
             };
             let whole = token.span.to(end);
-            return Some(Explanation {
-                at: whole,
-                message: format!("'{}' is not known here", whole.of(self.source)),
-                help: help.to_owned(),
-            });
+            let message = format!("'{}' is not known here", whole.of(self.source.text));
+            return Some(self.error(whole, message).help(help));
         }
         None
     }
 
-    fn comments(&self) -> Option<Explanation> {
+    fn comments(&self) -> Option<Diagnostic> {
         let tokens = self.on_line();
         let first = tokens.first()?;
         let second = tokens.get(1).map_or("", |token| self.text(token));
         let comment =
             matches!(self.text(first), "//" | "#") || (self.text(first) == "/" && second == "*");
-        let behind = tokens
-            .iter()
-            .skip(1)
-            .find(|token| matches!(self.text(token), "//" | "#"));
-        let behind = behind.filter(|token| {
-            let next = tokens
+        let mut behind = tokens.iter().skip(1);
+        let behind = behind.find(|token| matches!(self.text(token), "//" | "#"));
+        let before_words = |token: &&Token| {
+            let after = tokens
                 .iter()
                 .filter(|other| other.span.start > token.span.end);
-            next.take(2)
-                .filter(|other| other.kind == TokenKind::Name)
-                .count()
-                == 2
-        });
-        let token = if comment { first } else { behind? };
-        Some(Explanation {
-            at: token.span,
-            message: "this is not a comment here".to_owned(),
-            help: "a comment begins with --".to_owned(),
-        })
+            let words = after.take(2).filter(|other| other.kind == TokenKind::Name);
+            words.count() == 2
+        };
+        let token = if comment {
+            first
+        } else {
+            behind.filter(before_words)?
+        };
+        let error = self.error(token.span, "this is not a comment here");
+        Some(error.help("a comment begins with --"))
     }
 
     /// `x++`, and `x--`, where `--` begins a comment.
-    fn increments(&self) -> Option<Explanation> {
+    fn increments(&self) -> Option<Diagnostic> {
         for tokens in [self.last_line_before(), self.on_line()] {
             for pair in tokens.windows(3) {
                 let [name, one, two] = pair else { continue };
                 if name.kind == TokenKind::Name && self.text(one) == "+" && self.text(two) == "+" {
                     let text = self.text(name);
-                    return Some(Explanation {
-                        at: one.span.to(two.span),
-                        message: "there is no ++".to_owned(),
-                        help: format!("write {text} += 1"),
-                    });
+                    let message = "there is no ++";
+                    let help = format!("write {text} += 1");
+                    return Some(self.error(one.span.to(two.span), message).help(help));
                 }
             }
         }
@@ -281,22 +246,20 @@ impl ErrorSite<'_> {
         let [name] = tokens.as_slice() else {
             return None;
         };
-        let behind = self.source[name.span.end..]
+        let behind = self.source.text[name.span.end..]
             .lines()
             .next()
             .unwrap_or_default();
         if name.kind != TokenKind::Name || !behind.starts_with("--") {
             return None;
         }
-        Some(Explanation {
-            at: name.span,
-            message: "there is no operator --: it begins a comment".to_owned(),
-            help: format!("write {} -= 1", self.text(name)),
-        })
+        let message = "there is no operator --: it begins a comment";
+        let help = format!("write {} -= 1", self.text(name));
+        Some(self.error(name.span, message).help(help))
     }
 
     /// A line that begins with a keyword of another language.
-    fn other_languages(&self) -> Option<Explanation> {
+    fn other_languages(&self) -> Option<Diagnostic> {
         for tokens in [self.on_line(), self.last_line_before()] {
             let Some(first) = tokens
                 .iter()
@@ -333,16 +296,13 @@ impl ErrorSite<'_> {
                 "foreach" => "write for _, thing in list do ... end",
                 _ => continue,
             };
-            return Some(Explanation {
-                at: first.span,
-                message: format!("'{}' is not a word of this language", self.text(first)),
-                help: help.to_owned(),
-            });
+            let message = format!("'{}' is not a word of this language", self.text(first));
+            return Some(self.error(first.span, message).help(help));
         }
         None
     }
 
-    fn single_equals(&self) -> Option<Explanation> {
+    fn single_equals(&self) -> Option<Diagnostic> {
         let tokens = self.on_line();
         let begins = tokens
             .iter()
@@ -353,15 +313,12 @@ impl ErrorSite<'_> {
         if self.text(equals) != "=" {
             return None;
         }
-        Some(Explanation {
-            at: equals.span,
-            message: "a single = sets a variable".to_owned(),
-            help: "to compare, write ==".to_owned(),
-        })
+        let error = self.error(equals.span, "a single = sets a variable");
+        Some(error.help("to compare, write =="))
     }
 
     /// `else if` opens a second `if`, which needs its own `end`.
-    fn else_if(&self) -> Option<Explanation> {
+    fn else_if(&self) -> Option<Diagnostic> {
         if !self.words.contains("'end'") {
             return None;
         }
@@ -370,16 +327,14 @@ impl ErrorSite<'_> {
                 && self.text(&pair[1]) == "if"
                 && self.line_of(&pair[0]) == self.line_of(&pair[1])
         })?;
-        Some(Explanation {
-            at: pair[0].span.to(pair[1].span),
-            message: "`else if` begins a second if, which needs its own end".to_owned(),
-            help: "write elseif, in one word".to_owned(),
-        })
+        let both = pair[0].span.to(pair[1].span);
+        let message = "`else if` begins a second if, which needs its own end";
+        Some(self.error(both, message).help("write elseif, in one word"))
     }
 
     /// A block in braces. The compiler notices it only at its end, because `f() {` is a call of `f`
     /// with a table.
-    fn braces(&self) -> Option<Explanation> {
+    fn braces(&self) -> Option<Diagnostic> {
         let lines = self
             .tokens
             .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
@@ -401,10 +356,8 @@ impl ErrorSite<'_> {
             "else" => "",
             _ => "`do` here, and ",
         };
-        Some(Explanation {
-            at: brace.span,
-            message: "'{' does not begin a block".to_owned(),
-            help: format!("write {begin}`end` where the block ends"),
-        })
+        let message = "'{' does not begin a block";
+        let help = format!("write {begin}`end` where the block ends");
+        Some(self.error(brace.span, message).help(help))
     }
 }

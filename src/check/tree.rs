@@ -108,6 +108,28 @@ impl Expr {
         expr
     }
 
+    /// Whether it may yield several values, or none.
+    pub(super) fn is_open(&self) -> bool {
+        self.is_call() || matches!(self.kind, ExprKind::Varargs)
+    }
+
+    pub(super) fn is_call(&self) -> bool {
+        matches!(self.kind, ExprKind::Call(..) | ExprKind::Method(..))
+    }
+
+    /// Whether it or a part of it passes the test; functions nested in it do not count.
+    pub(super) fn any(&self, test: &dyn Fn(&Expr) -> bool) -> bool {
+        test(self) || self.parts().into_iter().any(|part| part.any(test))
+    }
+
+    /// The entries of a table constructor; none for other expressions.
+    pub(super) fn entries(&self) -> &[Entry] {
+        match &self.kind {
+            ExprKind::Table(entries) => entries,
+            _ => &[],
+        }
+    }
+
     pub(super) fn parts(&self) -> Vec<&Expr> {
         match &self.kind {
             ExprKind::Pieces(all) | ExprKind::Choose(all) => all.iter().collect(),
@@ -123,9 +145,10 @@ impl Expr {
 }
 
 impl Entry {
-    pub(super) fn named(&self, key: &str) -> Option<&Expr> {
+    /// The name, if it is written as `name = value`.
+    pub(super) fn name(&self) -> Option<&str> {
         match self {
-            Entry::Named(name, _, value) if name == key => Some(value),
+            Entry::Named(name, ..) => Some(name),
             _ => None,
         }
     }
@@ -181,28 +204,30 @@ impl Statement {
     }
 }
 
-impl Tree {
-    /// Calls `visit` with every expression, outer ones first, in the order of the text.
-    pub(super) fn each_expr<'a>(&'a self, visit: &mut dyn FnMut(&'a Expr)) {
-        each_in_block(&self.block, visit);
-    }
+/// What a walk over a tree visits.
+pub(super) enum Node<'a> {
+    Statement(&'a Statement),
+    Expr(&'a Expr),
 }
 
-pub(super) fn each_in_block<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Expr)) {
+/// Visits every statement and expression of a block, outer ones first and in the order of the
+/// text, also those in functions.
+pub(super) fn each_node<'a>(block: &'a Block, visit: &mut dyn FnMut(Node<'a>)) {
     for statement in block {
+        visit(Node::Statement(statement));
         for expr in statement.exprs() {
             each_in_expr(expr, visit);
         }
         for inner in statement.blocks() {
-            each_in_block(inner, visit);
+            each_node(inner, visit);
         }
     }
 }
 
-pub(super) fn each_in_expr<'a>(expr: &'a Expr, visit: &mut dyn FnMut(&'a Expr)) {
-    visit(expr);
+fn each_in_expr<'a>(expr: &'a Expr, visit: &mut dyn FnMut(Node<'a>)) {
+    visit(Node::Expr(expr));
     if let ExprKind::Function(body) = &expr.kind {
-        each_in_block(&body.block, visit);
+        each_node(&body.block, visit);
     }
     for part in expr.parts() {
         each_in_expr(part, visit);

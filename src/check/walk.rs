@@ -3,13 +3,13 @@
 
 mod calls;
 
+use std::collections::BTreeSet;
+
+use super::CheckContext;
 use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
-use super::tree::{
-    Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr,
-};
-use super::{CheckContext, foreign};
+use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use crate::api::{self, Function};
 use crate::script::suggestion;
 
@@ -18,42 +18,13 @@ pub(super) struct Walk<'a> {
     pub(super) context: &'a CheckContext,
     source: SourceText<'a>,
     diagnostics: Vec<Diagnostic>,
-    /// Diagnostics beyond the maximum, which are only counted.
-    surplus: Surplus,
+    /// Number of errors and of warnings beyond the maximum, which are only counted.
+    more_errors: usize,
+    more_warnings: usize,
 }
 
 /// Maximum number of diagnostics per file.
 const MAX_DIAGNOSTICS: usize = 200;
-
-#[derive(Default)]
-struct Surplus {
-    errors: usize,
-    warnings: usize,
-    /// A dummy diagnostic for callers to write to; never reported.
-    spare: Option<Diagnostic>,
-}
-
-impl Surplus {
-    fn count(&mut self, severity: Severity) {
-        match severity {
-            Severity::Error => self.errors += 1,
-            Severity::Warning => self.warnings += 1,
-        }
-    }
-
-    /// Returns one diagnostic that stands for all that were only counted.
-    fn summary(&self, source: SourceText<'_>) -> Option<Diagnostic> {
-        let (severity, count) = match (self.errors, self.warnings) {
-            (0, 0) => return None,
-            (0, warnings) => (Severity::Warning, warnings),
-            (errors, warnings) => (Severity::Error, errors + warnings),
-        };
-        let end = source.text.trim_end().len();
-        let span = Span { start: end, end };
-        let message = format!("and {count} more mistakes in this file");
-        Some(Diagnostic::new(source, span, severity, message).help("correct the first ones first"))
-    }
-}
 
 pub(super) fn walk<'a>(
     tree: &'a Tree,
@@ -74,49 +45,62 @@ pub(super) fn walked<'a>(
         context,
         source,
         diagnostics: Vec::new(),
-        surplus: Surplus::default(),
+        more_errors: 0,
+        more_warnings: 0,
     };
     walk.block(&tree.block);
+    let summary = walk.summary();
     let mut diagnostics = walk.diagnostics;
     diagnostics.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
     diagnostics.dedup();
-    diagnostics.extend(walk.surplus.summary(source));
+    diagnostics.extend(summary);
     (diagnostics, walk.kinds)
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn error(&mut self, span: Span, message: impl Into<String>) -> &mut Diagnostic {
-        self.add(span, Severity::Error, message)
-    }
-
-    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Diagnostic {
-        self.add(span, Severity::Warning, message)
-    }
-
-    fn add(
-        &mut self,
-        span: Span,
-        severity: Severity,
-        message: impl Into<String>,
-    ) -> &mut Diagnostic {
+    /// `help` says what to do; empty if that is clear from the message.
+    fn error(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
         if self.is_full() {
-            self.surplus.count(severity);
-            let none = SourceText { file: "", text: "" };
-            let spare = || Diagnostic::new(none, Span { start: 0, end: 0 }, severity, "");
-            return self.surplus.spare.get_or_insert_with(spare);
+            self.more_errors += 1;
+        } else {
+            self.diagnostics
+                .push(self.source.error(span, message).help(help));
         }
-        let diagnostic = Diagnostic::new(self.source, span, severity, message);
-        self.diagnostics.push(diagnostic);
-        let last = self.diagnostics.len() - 1;
-        &mut self.diagnostics[last]
     }
 
-    pub(super) fn is_full(&self) -> bool {
+    fn warning(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
+        if self.is_full() {
+            self.more_warnings += 1;
+        } else {
+            let warning = Diagnostic::new(self.source, span, Severity::Warning, message);
+            self.diagnostics.push(warning.help(help));
+        }
+    }
+
+    /// Returns one diagnostic that stands for all that were only counted.
+    fn summary(&self) -> Option<Diagnostic> {
+        let count = self.more_errors + self.more_warnings;
+        if count == 0 {
+            return None;
+        }
+        let severity = if self.more_errors > 0 {
+            Severity::Error
+        } else {
+            Severity::Warning
+        };
+        let end = self.source.text.trim_end().len();
+        let span = Span { start: end, end };
+        let message = format!("and {count} more mistakes in this file");
+        let summary = Diagnostic::new(self.source, span, severity, message);
+        Some(summary.help("correct the first ones first"))
+    }
+
+    fn is_full(&self) -> bool {
         self.diagnostics.len() >= MAX_DIAGNOSTICS
     }
 
     /// Empty when the maximum of diagnostics is reached, as the search takes long.
-    pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
+    fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
         if self.is_full() {
             String::new()
         } else {
@@ -146,11 +130,11 @@ impl<'a> Walk<'a> {
             S::LocalFunction(id, body) => {
                 self.hides(*id);
                 self.kinds.bind(*id, ValueKind::Function(Some(body)));
-                self.body(body);
+                self.block(&body.block);
             }
             S::Function(target, body) => {
                 self.target(target);
-                self.body(body);
+                self.block(&body.block);
             }
             S::Assign(targets, values) => {
                 targets.iter().for_each(|target| self.target(target));
@@ -210,9 +194,7 @@ impl<'a> Walk<'a> {
             self.hides(*id);
             let kind = match (values.get(at), values.last()) {
                 (Some(value), _) if at + 1 < values.len() => self.kinds.kind_of(value),
-                (_, Some(last))
-                    if matches!(last.kind, ExprKind::Call(..) | ExprKind::Method(..)) =>
-                {
+                (_, Some(last)) if last.is_call() => {
                     let number = at + 1 - values.len().min(at + 1);
                     self.kinds.bind_choice(*id, last, number);
                     self.kinds.result(last, number)
@@ -242,23 +224,23 @@ impl<'a> Walk<'a> {
                 "this variable hides {0}: from here on {0}.* cannot be called",
                 local.name
             );
-            self.warning(local.span, message).help = Some("give it another name".to_owned());
+            self.warning(local.span, message, "give it another name");
         }
     }
 
     fn each(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
         let [one] = values else { return };
         let list = match &one.kind {
-            ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") => {
-                arguments
-                    .first()
-                    .map_or(ValueKind::Unknown, |list| self.kinds.kind_of(list))
+            ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") =>
+            {
+                let list = arguments.first();
+                list.map_or(ValueKind::Unknown, |list| self.kinds.kind_of(list))
             }
             _ => self.kinds.kind_of(one),
         };
         if let (ValueKind::List(of), [index, item, ..]) = (list, ids) {
             self.kinds.bind(*index, ValueKind::Number(None));
-            self.kinds.bind(*item, of_type(of));
+            self.kinds.bind(*item, of_type(*of));
         }
     }
 
@@ -269,8 +251,8 @@ impl<'a> Walk<'a> {
                 self.expr(object);
                 if let ValueKind::Namespace(owner) = self.kinds.kind_of(object) {
                     let message = format!("{owner}.{name} cannot be set");
-                    self.error(target.span, message).help =
-                        Some("keep your own values in a local variable".to_owned());
+                    let help = "keep your own values in a local variable";
+                    self.error(target.span, message, help);
                 }
             }
             _ => self.exprs(target.parts()),
@@ -293,8 +275,7 @@ impl<'a> Walk<'a> {
                     if let ValueKind::Native(function) = self.kinds.kind_of(part) {
                         let path = function.path;
                         let message = format!("{path} is a function here, which is always true");
-                        self.warning(part.span, message).help =
-                            Some(format!("call it: {}", function.call()));
+                        self.warning(part.span, message, format!("call it: {}", function.call()));
                     }
                 }
             }
@@ -306,18 +287,18 @@ impl<'a> Walk<'a> {
             return;
         };
         if function.pure {
-            let message = format!(
-                "{} only returns a value, and the value is not used",
-                function.path
-            );
+            let path = function.path;
+            let message = format!("{path} only returns a value, and the value is not used");
             let result = function
                 .returns
                 .first()
                 .map_or("answer", |value| value.name);
-            self.warning(call.span, message).help = Some(format!(
-                "keep it: local {result} = {}",
-                self.source_text(call.span)
-            ));
+            let words = self.source_text(call.span);
+            self.warning(
+                call.span,
+                message,
+                format!("keep it: local {result} = {words}"),
+            );
         }
     }
 
@@ -328,7 +309,7 @@ impl<'a> Walk<'a> {
                 end: condition.span.end,
             };
             let message = "this loop never waits: the script would be ended after 0.1 s";
-            self.warning(line_end, message).help = Some("put task.wait(0.1) into it".to_owned());
+            self.warning(line_end, message, "put task.wait(0.1) into it");
         }
     }
 
@@ -340,14 +321,10 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn body(&mut self, body: &'a Body) {
-        self.block(&body.block);
-    }
-
     fn expr(&mut self, expr: &'a Expr) {
         match &expr.kind {
             ExprKind::Global(name) => return self.global(name, expr.span),
-            ExprKind::Function(body) => return self.body(body),
+            ExprKind::Function(body) => return self.block(&body.block),
             ExprKind::Call(callee, arguments) => return self.called(expr, callee, arguments),
             ExprKind::Method(..) => return self.method(expr),
             ExprKind::Field(object, name, at) => {
@@ -367,12 +344,12 @@ impl<'a> Walk<'a> {
             return;
         }
         let (message, help) = self.unknown_name(name, span);
-        self.error(span, message).help = help;
+        self.error(span, message, help);
     }
 
-    fn unknown_name(&self, name: &str, span: Span) -> (String, Option<String>) {
+    fn unknown_name(&self, name: &str, span: Span) -> (String, String) {
         if self.is_full() {
-            return (String::new(), None);
+            return (String::new(), String::new());
         }
         let tree = self.kinds.tree;
         let elsewhere = tree.locals.iter().find(|local| local.name == name);
@@ -386,13 +363,11 @@ impl<'a> Walk<'a> {
                     "the '{name}' of line {line} is known only inside its own block; declare it before that block"
                 )
             };
-            return (message, Some(help));
+            return (message, help);
         }
-        if let Some(meant) = foreign::meant(name) {
-            return (format!("unknown name '{name}'"), Some(meant.to_owned()));
-        }
-        if let Some(elsewhere) = api::elsewhere(name, self.context.paths.contains(api::SCENARIO)) {
-            return (format!("unknown name '{name}'"), Some(elsewhere));
+        let elsewhere = || api::elsewhere(name, self.context.paths.contains(api::SCENARIO));
+        if let Some(help) = meant(name).or_else(elsewhere) {
+            return (format!("unknown name '{name}'"), help);
         }
         let globals = self.context.paths.iter().map(String::as_str);
         let globals = globals.filter(|path| !path.contains('.'));
@@ -400,11 +375,14 @@ impl<'a> Walk<'a> {
         let set = self.kinds.globals.iter().copied();
         let near = self.near(name, globals.chain(own).chain(set));
         let help = if near.is_empty() {
-            foreign::belongs_to(name, &self.context.paths)
+            belongs_to(name, &self.context.paths)
         } else {
             None
         };
-        (format!("unknown name '{name}'{near}"), help)
+        (
+            format!("unknown name '{name}'{near}"),
+            help.unwrap_or_default(),
+        )
     }
 
     fn field(&mut self, object: &'a Expr, name: &str, at: Span) {
@@ -420,7 +398,7 @@ impl<'a> Walk<'a> {
                 if !known.contains(&name) {
                     let near = self.near(name, known.iter().copied());
                     let message = format!("params.{name} does not exist{near}");
-                    self.error(at, message).help = Some(format!("declared: {}", known.join(", ")));
+                    self.error(at, message, format!("declared: {}", known.join(", ")));
                 }
             }
             ValueKind::Object(of) => self.member(of, name, at),
@@ -428,13 +406,14 @@ impl<'a> Walk<'a> {
                 let list = self.source_text(object.span);
                 let message =
                     format!("this is a list: its entries have '{name}', the list itself does not");
-                self.error(at, message).help = Some(format!(
+                let help = format!(
                     "take one of its entries: {list}[1].{name}; the list may be empty, so test it first"
-                ));
+                );
+                self.error(at, message, help);
             }
             ValueKind::Native(function) => {
                 let message = format!("{} is a function: it has no '{name}'", function.path);
-                self.error(at, message).help = Some(format!("call it: {}", function.call()));
+                self.error(at, message, format!("call it: {}", function.call()));
             }
             _ => {}
         }
@@ -463,14 +442,14 @@ impl<'a> Walk<'a> {
         let help = if near.is_empty() {
             let members =
                 |module: &api::Namespace| format!("it has {}", module.members().join(", "));
-            foreign::belongs_to(name, &self.context.paths)
-                .or_else(|| foreign::meant(name).map(str::to_owned))
+            belongs_to(name, &self.context.paths)
+                .or_else(|| meant(name))
                 .or_else(|| api::module(owner).map(members))
         } else {
             None
         };
-        self.error(at, format!("{owner}.{name} does not exist{near}"))
-            .help = help;
+        let message = format!("{owner}.{name} does not exist{near}");
+        self.error(at, message, help.unwrap_or_default());
     }
 
     fn member(&mut self, object: &'static api::Object, name: &str, at: Span) {
@@ -481,15 +460,15 @@ impl<'a> Walk<'a> {
         }
         let near = self.near(name, known.iter().copied());
         let message = format!("{} has no '{name}'{near}", object.with_article());
-        self.error(at, message).help = Some(format!("it has {}", known.join(", ")));
+        self.error(at, message, format!("it has {}", known.join(", ")));
     }
 
     fn item(&mut self, list: &'a Expr, index: &'a Expr, span: Span) {
         if let (ValueKind::List(_), ValueKind::Number(Some(0.0))) =
             (self.kinds.kind_of(list), self.kinds.kind_of(index))
         {
-            self.error(span, "lists begin at 1: there is nothing at 0")
-                .help = Some(format!("the first is {}[1]", self.source_text(list.span)));
+            let help = format!("the first is {}[1]", self.source_text(list.span));
+            self.error(span, "lists begin at 1: there is nothing at 0", help);
         }
     }
 }
@@ -510,42 +489,15 @@ pub(super) fn may_pause(kinds: &Kinds<'_>, block: &Block) -> bool {
 }
 
 fn pauses(kinds: &Kinds<'_>, statement: &Statement, depth: u32) -> bool {
-    if matches!(
-        statement.kind,
-        StatementKind::Leave | StatementKind::Return(_)
-    ) && depth == 0
-    {
-        return true;
+    match statement.kind {
+        StatementKind::Leave | StatementKind::Return(_) if depth == 0 => return true,
+        StatementKind::Function(..) | StatementKind::LocalFunction(..) => return false,
+        _ => {}
     }
-    if matches!(
-        statement.kind,
-        StatementKind::Function(..) | StatementKind::LocalFunction(..)
-    ) {
-        return false;
-    }
-    let mut found = false;
-    for expr in statement.exprs() {
-        let mut visit = |part: &Expr| found |= call_pauses(kinds, part, depth);
-        each_in_expr_outside_functions(expr, &mut visit);
-    }
-    let inner = || {
-        statement
-            .blocks()
-            .into_iter()
-            .flatten()
-            .any(|inner| pauses(kinds, inner, depth))
-    };
-    found || inner()
-}
-
-fn each_in_expr_outside_functions(expr: &Expr, visit: &mut dyn FnMut(&Expr)) {
-    if matches!(expr.kind, ExprKind::Function(_)) {
-        return;
-    }
-    visit(expr);
-    for part in expr.parts() {
-        each_in_expr_outside_functions(part, visit);
-    }
+    let mut exprs = statement.exprs().into_iter();
+    let mut inner = statement.blocks().into_iter().flatten();
+    exprs.any(|expr| expr.any(&|part| call_pauses(kinds, part, depth)))
+        || inner.any(|statement| pauses(kinds, statement, depth))
 }
 
 fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
@@ -558,9 +510,9 @@ fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
                 .any(|statement| pauses(kinds, statement, depth + 1)),
             _ => !is_quick(kinds, callee),
         },
-        ExprKind::Method(object, name, ..) => match kinds.method(kinds.kind_of(object), name) {
-            Some(function) => function.waits,
-            None => true,
+        ExprKind::Method(..) => match kinds.callee(expr) {
+            ValueKind::Native(function) => function.waits,
+            _ => true,
         },
         _ => false,
     }
@@ -569,23 +521,12 @@ fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
 fn native_pauses(function: &Function, arguments: &[Expr]) -> bool {
     match function.path {
         "robot.move" | "robot.drive" => match arguments.last() {
-            Some(last) => arguments.len() > 2 || is_call(last),
+            Some(last) => arguments.len() > 2 || last.any(&Expr::is_open),
             None => true,
         },
         "script.stop" => true,
         _ => function.waits,
     }
-}
-
-fn is_call(expr: &Expr) -> bool {
-    let mut found = false;
-    each_in_expr(expr, &mut |part| {
-        found |= matches!(
-            part.kind,
-            ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
-        );
-    });
-    found
 }
 
 /// Whether this is a standard function that never waits, raises no error and calls no script
@@ -606,4 +547,98 @@ fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
         },
         _ => false,
     }
+}
+
+/// The object that only scenarios get.
+const SIM: &str = "Sim";
+
+/// Names from other languages, and what to write instead.
+const MEANT: [(&str, &str); 35] = [
+    ("null", "it is written nil"),
+    ("None", "it is written nil"),
+    ("undefined", "it is written nil"),
+    ("True", "it is written true, in small letters"),
+    ("False", "it is written false, in small letters"),
+    ("TRUE", "it is written true, in small letters"),
+    ("FALSE", "it is written false, in small letters"),
+    ("wait", "to wait, write task.wait(seconds)"),
+    ("sleep", "to wait, write task.wait(seconds)"),
+    (
+        "delay",
+        "to wait, write task.wait(seconds); task.delay(seconds, fn) calls a function later",
+    ),
+    (
+        "spawn",
+        "to run a function in parallel, write task.spawn(fn)",
+    ),
+    ("import", "load a module with require(\"./name\")"),
+    ("include", "load a module with require(\"./name\")"),
+    (
+        "frame",
+        "it is a parameter of the function: robot.on(\"frame\", function(frame) ... end)",
+    ),
+    (
+        "on",
+        "for easy.light write \"on\", in quotes; for robot.led write true",
+    ),
+    (
+        "off",
+        "for easy.light write \"off\", in quotes; for robot.led write false",
+    ),
+    ("elif", "it is written elseif"),
+    ("elsif", "it is written elseif"),
+    ("def", "functions begin with the word function"),
+    ("fn", "functions begin with the word function"),
+    ("func", "functions begin with the word function"),
+    ("var", "variables begin with the word local"),
+    ("let", "variables begin with the word local"),
+    ("const", "variables begin with the word local"),
+    ("console", "to write something, use print(...)"),
+    ("echo", "to write something, use print(...)"),
+    ("printf", "to write something, use print(...)"),
+    ("len", "the length of a list or text is #list"),
+    ("range", "to count, write for i = 1, 10 do"),
+    ("str", "tostring(value) converts a value to a string"),
+    (
+        "int",
+        "tonumber(text) converts a string to a number; math.floor(x) rounds down",
+    ),
+    ("self", "only functions declared with a colon have self"),
+    (
+        "this",
+        "only functions declared with a colon have self; there is no this",
+    ),
+    (
+        "os",
+        "scripts have no os; clock.date() is the time of day, task.now() counts seconds",
+    ),
+    (
+        "io",
+        "scripts have no files; print, log and frame:save(name) write",
+    ),
+];
+
+fn meant(name: &str) -> Option<String> {
+    let found = MEANT.iter().find(|(foreign, _)| *foreign == name);
+    found.map(|(_, meant)| (*meant).to_owned())
+}
+
+/// Says where a function of this name belongs. `known` are the paths that exist in this file.
+fn belongs_to(name: &str, known: &BTreeSet<String>) -> Option<String> {
+    let text = api::choices().find(|choice| (choice.names)().contains(&name));
+    if let Some(choice) = text {
+        return Some(format!(
+            "if you mean the {}, write its name in quotes: \"{name}\"",
+            choice.what
+        ));
+    }
+    let mut functions = api::functions();
+    let found = functions.find(|function| function.key() == name && known.contains(function.path));
+    if let Some(found) = found {
+        return Some(format!("did you mean {}?", found.path));
+    }
+    let mut objects =
+        api::objects().filter(|object| known.contains(api::SCENARIO) || object.name != SIM);
+    let owner = objects.find(|object| object.method(name).is_some())?;
+    Some(format!("{name} is a function of {}", owner.with_article()))
 }

@@ -10,13 +10,13 @@ use tokio_util::sync::CancellationToken;
 use super::interrupt::handle_signals;
 use super::startup::{driving_core, heartbeat, launcher};
 use super::{Exit, Failure};
-use crate::agent::{AgentError, Docked, PilotClient, PilotClientError, PilotSetup, RunningPilot};
+use crate::agent::{AgentError, PilotClient, PilotClientError, PilotSetup, RunningPilot};
 use crate::behaviour::Launch;
 use crate::guardian::GuardianFiles;
 use crate::pilot::{Connector, Heartbeat, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{
-    BehaviourId, DockEnd, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
+    BehaviourId, DockEnd, DockOutcome, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
 };
 use crate::wire::Stream;
 
@@ -162,7 +162,7 @@ impl Driver {
         self.answered(end).await
     }
 
-    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
+    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<DockOutcome, Failure> {
         let end = self.pilot_client()?.dock(plan).await;
         self.answered(end).await
     }

@@ -17,7 +17,7 @@ use crate::robot::channel::{
     EventSender, Quiet, Request, Role, RunningBehaviour, RunningBehaviours,
 };
 use crate::robot::{
-    BehaviourId, CallId, DockEnd, EndReason, Event, Intent, Priority, Streams, Use,
+    BehaviourId, CallId, DockEnd, DockOutcome, EndReason, Event, Intent, Priority, Streams, Use,
 };
 use crate::safety::{ALARM, Fact};
 use crate::wire::{Command, Engage, Stream};
@@ -268,12 +268,8 @@ impl Pilot {
 
 /// The answer to a docking that is requested faster than the robot can take.
 fn refused_docking(call: CallId) -> Event {
-    Event::DockEnded {
-        call,
-        end: DockEnd::Safety,
-        attempts: 0,
-        took: Duration::ZERO,
-    }
+    let outcome = DockOutcome::without_attempt(DockEnd::Safety);
+    Event::DockEnded { call, outcome }
 }
 
 #[derive(Debug)]

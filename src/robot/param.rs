@@ -172,7 +172,7 @@ impl ParamBoard {
 impl Serialize for ParamValue {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         if !to.is_human_readable() {
-            return Tagged::from(self.clone()).serialize(to);
+            return Tagged::serialize(self, to);
         }
         match self {
             ParamValue::Boolean(value) => to.serialize_bool(*value),
@@ -187,31 +187,17 @@ impl<'de> Deserialize<'de> for ParamValue {
         if from.is_human_readable() {
             return from.deserialize_any(Written);
         }
-        // Between processes the kind is included: those formats are not self-describing.
-        Ok(match Tagged::deserialize(from)? {
-            Tagged::Boolean(value) => ParamValue::Boolean(value),
-            Tagged::Number(value) => ParamValue::Number(value),
-            Tagged::Text(value) => ParamValue::Text(value),
-        })
+        Tagged::deserialize(from)
     }
 }
 
-/// [`ParamValue`] for formats that need the kind.
+/// [`ParamValue`] between processes, where formats are not self-describing and need the kind.
 #[derive(Serialize, Deserialize)]
+#[serde(remote = "ParamValue")]
 enum Tagged {
     Boolean(bool),
     Number(f64),
     Text(String),
-}
-
-impl From<ParamValue> for Tagged {
-    fn from(value: ParamValue) -> Tagged {
-        match value {
-            ParamValue::Boolean(value) => Tagged::Boolean(value),
-            ParamValue::Number(value) => Tagged::Number(value),
-            ParamValue::Text(value) => Tagged::Text(value),
-        }
-    }
 }
 
 /// Reads a value that a person wrote.

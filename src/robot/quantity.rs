@@ -9,7 +9,7 @@ use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A whole percentage, 0..=100.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema)]
 #[schemars(inline)]
 pub struct Percent(#[schemars(range(max = 100))] u8);
 
@@ -45,7 +45,7 @@ impl fmt::Display for Percent {
 }
 
 /// Power of one track in the wire's units, -90..=90, negative backwards (`PROTOCOL.md`, MOVE).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct TrackPower(i8);
 
 impl TrackPower {
@@ -176,12 +176,6 @@ impl<'de> Deserialize<'de> for Percent {
     }
 }
 
-impl Serialize for Percent {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_u8(self.0)
-    }
-}
-
 impl<'de> Deserialize<'de> for TrackPower {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrackPower, D::Error> {
         let make = |number| whole(number, -90.0, 90.0, |n| TrackPower::new(n as i8));
@@ -189,12 +183,6 @@ impl<'de> Deserialize<'de> for TrackPower {
             expected: "a whole number from -90 to 90",
             make,
         })
-    }
-}
-
-impl Serialize for TrackPower {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_i8(self.0)
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::Contradiction;
-use crate::robot::{BehaviourId, CallId, DockEnd, DockPlan, Priority};
+use crate::robot::{BehaviourId, CallId, DockEnd, DockOutcome, DockPlan, Priority};
 use crate::wire::EngineReport;
 
 /// What to do between two attempts.
@@ -40,17 +40,6 @@ pub enum DockAction {
     Stop,
     /// Leave the station.
     Undock,
-}
-
-/// The outcome of a docking.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DockOutcome {
-    /// How it ended.
-    pub end: DockEnd,
-    /// Attempts made.
-    pub attempts: u32,
-    /// Time from the start.
-    pub took: Duration,
 }
 
 #[derive(Debug, Clone, Copy)]

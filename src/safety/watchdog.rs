@@ -16,13 +16,13 @@ use tokio::time::Instant;
 use super::docking::{ActiveDocking, Caller};
 use super::{
     ALARM, Act, AfterFailure, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging,
-    DockAction, DockLimits, DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact,
-    Homing, HomingStep, HostLife, LastWords, Leases, Limits, LowCause, MotorLoad, PowerGauge,
-    Recharge, Rescue, Retry, Tracks, WaitingMotion, capped,
+    DockAction, DockLimits, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep,
+    HostLife, LastWords, Leases, Limits, LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Retry,
+    Tracks, WaitingMotion, capped,
 };
 use crate::robot::{
-    Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
-    Percent, Priority, SafetyAction, Setpoint, WatchdogState,
+    Battery, BehaviourId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
+    MotionId, Percent, Priority, SafetyAction, Setpoint, WatchdogState,
 };
 use crate::wire::{Command, Engage, EngineReport, Power};
 
@@ -757,7 +757,7 @@ impl Watchdog {
         let by = active.callers.first().map(|caller| caller.by);
         self.dock_report = Some(DockReport { by, outcome });
         for caller in active.callers {
-            self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);
+            self.answer_dock(caller, outcome);
         }
         if !active.forced {
             return;
@@ -777,8 +777,13 @@ impl Watchdog {
         let callers = std::mem::take(&mut homing.callers);
         let attempts = homing.failures() + u32::from(end == DockEnd::Done);
         let took = now.saturating_duration_since(homing.began());
+        let outcome = DockOutcome {
+            end,
+            attempts,
+            took,
+        };
         for caller in callers {
-            self.answer_dock(caller, end, attempts, took);
+            self.answer_dock(caller, outcome);
         }
     }
 
@@ -809,7 +814,7 @@ impl Watchdog {
             }
             _ => {
                 for caller in callers {
-                    self.answer_dock(caller, DockEnd::Safety, 0, Duration::ZERO);
+                    self.answer_dock(caller, DockOutcome::without_attempt(DockEnd::Safety));
                 }
             }
         }
@@ -1263,7 +1268,7 @@ impl Watchdog {
 
     fn dock_asked(&mut self, caller: Caller, plan: DockPlan, now: Instant) {
         if let Some(end) = self.dock_refusal(caller) {
-            return self.answer_dock(caller, end, 0, Duration::ZERO);
+            return self.answer_dock(caller, DockOutcome::without_attempt(end));
         }
         if let Some(homing) = &mut self.homing {
             return homing.callers.push(caller);
@@ -1364,7 +1369,7 @@ impl Watchdog {
             _ => {}
         }
         for caller in over {
-            self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
+            self.answer_dock(caller, DockOutcome::without_attempt(DockEnd::Cancelled));
         }
     }
 
@@ -1569,22 +1574,9 @@ impl Watchdog {
         self.acts.extend(over.into_iter().map(tell));
     }
 
-    fn answer_dock(
-        &mut self,
-        Caller { by, call, .. }: Caller,
-        end: DockEnd,
-        attempts: u32,
-        took: Duration,
-    ) {
-        self.acts.push(Act::Tell(
-            by,
-            Event::DockEnded {
-                call,
-                end,
-                attempts,
-                took,
-            },
-        ));
+    fn answer_dock(&mut self, Caller { by, call, .. }: Caller, outcome: DockOutcome) {
+        self.acts
+            .push(Act::Tell(by, Event::DockEnded { call, outcome }));
     }
 
     fn answer_undock(&mut self, Caller { by, call, .. }: Caller, end: DockEnd) {

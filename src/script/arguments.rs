@@ -39,9 +39,20 @@ const UNNAMED: &Value = &Value {
 pub(super) struct Args {
     pub(super) function: &'static Function,
     pub(super) values: LuaMultiValue,
+    /// What messages name before the argument, such as `speed: `; usually empty.
+    pub(super) within: String,
 }
 
 impl Args {
+    pub(super) fn new(function: &'static Function, values: LuaMultiValue) -> Args {
+        let within = String::new();
+        Args {
+            function,
+            values,
+            within,
+        }
+    }
+
     /// The value of a parameter; nil beyond the last one. The object of a method is not counted.
     pub(super) fn value(&self, index: usize) -> &LuaValue {
         let index = index + usize::from(self.function.is_method());
@@ -60,7 +71,7 @@ impl Args {
     }
 
     pub(super) fn misuse(&self, words: &str) -> Refusal {
-        Refusal::Misuse(format!("{}: {words}", self.function.path))
+        Refusal::Misuse(format!("{}: {}{words}", self.function.path, self.within))
     }
 
     /// Reads the argument of a parameter as its row says; its default if it is left out.
@@ -140,22 +151,17 @@ impl<'a> Given<'a> {
             Type::Options(keys) => keys,
             _ => &[],
         };
-        let table = match &self.value {
-            LuaValue::Nil if self.row.requirement != Requirement::Required => None,
-            LuaValue::Table(table) => Some(table.clone()),
-            _ => return Err(self.wrong("a table")),
-        };
-        if let Some(table) = &table {
-            self.args.check_keys(table, keys)?;
+        match &self.value {
+            LuaValue::Nil if !self.row.is_required() => self.args.table(None, keys),
+            LuaValue::Table(table) => self.args.table(Some(table.clone()), keys),
+            _ => Err(self.wrong("a table")),
         }
-        let args = self.args;
-        Ok(OptionTable { args, keys, table })
     }
 
     /// Checks the given value against its row without converting it. Types whose check needs more
     /// than the row are checked when they are read.
     pub(super) fn check(self) -> Result<(), Refusal> {
-        if self.value.is_nil() && self.row.requirement != Requirement::Required {
+        if self.value.is_nil() && !self.row.is_required() {
             return Ok(());
         }
         match self.row.kind {
@@ -212,6 +218,22 @@ impl Args {
                 bounds.describe()
             ))),
         }
+    }
+
+    /// A table with these keys and no others.
+    pub(super) fn table(
+        &self,
+        table: Option<LuaTable>,
+        keys: &'static [Value],
+    ) -> Result<OptionTable<'_>, Refusal> {
+        if let Some(table) = &table {
+            self.check_keys(table, keys)?;
+        }
+        Ok(OptionTable {
+            args: self,
+            keys,
+            table,
+        })
     }
 
     fn check_keys(&self, table: &LuaTable, keys: &[Value]) -> Result<(), Refusal> {

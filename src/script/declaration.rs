@@ -15,6 +15,8 @@ pub(crate) enum DeclarationError {
     Bounds,
     #[error("choices are for texts only")]
     Choices,
+    #[error("default, min and max must be finite numbers")]
+    Infinite,
     #[error("min {min} is above max {max}")]
     Order { min: f64, max: f64 },
     #[error("default must be {0}")]
@@ -39,107 +41,64 @@ pub(crate) enum ParamError {
     },
 }
 
-/// One declared parameter; its type is that of its default.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Declaration {
-    pub(crate) default: ParamValue,
-    /// For numbers only.
-    pub(crate) min: Option<f64>,
-    /// For numbers only.
-    pub(crate) max: Option<f64>,
-    /// The unit of a number, such as `%`.
-    pub(crate) unit: Option<String>,
-    /// The allowed texts; any text if empty.
-    pub(crate) choices: Vec<String>,
-    /// Whether it may be changed while the script runs.
-    pub(crate) live: bool,
-    pub(crate) doc: String,
+/// Checks what a script has declared of a parameter; its value is still the default.
+pub(crate) fn check_declaration(declared: &DeclaredParam) -> Result<(), DeclarationError> {
+    let default = match declared.value {
+        ParamValue::Number(number) => Some(number),
+        ParamValue::Boolean(_) | ParamValue::Text(_) => None,
+    };
+    if default.is_none() && (declared.min.is_some() || declared.max.is_some()) {
+        return Err(DeclarationError::Bounds);
+    }
+    let numbers = [default, declared.min, declared.max];
+    if numbers
+        .into_iter()
+        .flatten()
+        .any(|number| !number.is_finite())
+    {
+        return Err(DeclarationError::Infinite);
+    }
+    if !matches!(declared.value, ParamValue::Text(_)) && !declared.choices.is_empty() {
+        return Err(DeclarationError::Choices);
+    }
+    if let (Some(min), Some(max)) = (declared.min, declared.max)
+        && min > max
+    {
+        return Err(DeclarationError::Order { min, max });
+    }
+    if !declared.allows(&declared.value) {
+        return Err(DeclarationError::Default(declared.expected()));
+    }
+    Ok(())
 }
 
-impl Declaration {
-    /// The parameter with its value, as it is shown to people.
-    pub(super) fn declared(&self, name: &str, value: ParamValue) -> DeclaredParam {
-        DeclaredParam {
-            name: name.to_owned(),
-            value,
-            live: self.live,
-            min: self.min,
-            max: self.max,
-            unit: self.unit.clone(),
-            choices: self.choices.clone(),
-            doc: self.doc.clone(),
-        }
-    }
-
-    pub(crate) fn expected(&self) -> String {
-        self.declared("", self.default.clone()).expected()
-    }
-
-    pub(crate) fn check(&self) -> Result<(), DeclarationError> {
-        let is_number = matches!(self.default, ParamValue::Number(_));
-        let is_text = matches!(self.default, ParamValue::Text(_));
-        if !is_number && (self.min.is_some() || self.max.is_some()) {
-            return Err(DeclarationError::Bounds);
-        }
-        if !is_text && !self.choices.is_empty() {
-            return Err(DeclarationError::Choices);
-        }
-        if let (Some(min), Some(max)) = (self.min, self.max)
-            && min > max
-        {
-            return Err(DeclarationError::Order { min, max });
-        }
-        if !self.allows(&self.default) {
-            return Err(DeclarationError::Default(self.expected()));
-        }
-        Ok(())
-    }
-
-    /// Whether a value has the right type and lies within the bounds.
-    pub(crate) fn allows(&self, value: &ParamValue) -> bool {
-        self.declared("", self.default.clone()).allows(value)
-    }
-
-    /// Converts the given value, since everything on a command line is text. Returns `None` if the
-    /// value is not allowed.
-    fn read(&self, given: &GivenParam) -> Option<ParamValue> {
-        let value = match (&given.origin, &given.value, &self.default) {
-            (ParamOrigin::CommandLine, ParamValue::Text(text), ParamValue::Boolean(_)) => {
-                ParamValue::Boolean(text.parse().ok()?)
-            }
-            (ParamOrigin::CommandLine, ParamValue::Text(text), ParamValue::Number(_)) => {
-                ParamValue::Number(text.trim().parse().ok()?)
-            }
-            _ => given.value.clone(),
-        };
-        self.allows(&value).then_some(value)
-    }
-}
-
-pub(crate) fn param_values(
-    declared: &BTreeMap<String, Declaration>,
+/// Replaces the defaults of the declared parameters by the given values.
+pub(crate) fn set_given(
+    declared: &mut BTreeMap<String, DeclaredParam>,
     given: &BTreeMap<String, GivenParam>,
-) -> Result<BTreeMap<String, ParamValue>, ParamError> {
+) -> Result<(), ParamError> {
     for (name, param) in given {
         if !declared.contains_key(name) {
             return Err(unknown(name, param, declared));
         }
     }
-    let value = |(name, declaration): (&String, &Declaration)| {
-        let value = match given.get(name) {
-            None => declaration.default.clone(),
-            Some(param) => declaration.read(param).ok_or_else(|| ParamError::Refused {
+    for (name, declared) in declared {
+        if let Some(param) = given.get(name) {
+            declared.value = param.read(declared).ok_or_else(|| ParamError::Refused {
                 written: written(name, param),
                 name: name.clone(),
-                expected: declaration.expected(),
-            })?,
-        };
-        Ok((name.clone(), value))
-    };
-    declared.iter().map(value).collect()
+                expected: declared.expected(),
+            })?;
+        }
+    }
+    Ok(())
 }
 
-fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, Declaration>) -> ParamError {
+fn unknown(
+    name: &str,
+    param: &GivenParam,
+    declared: &BTreeMap<String, DeclaredParam>,
+) -> ParamError {
     let names = || declared.keys().map(String::as_str);
     let known = names().collect::<Vec<_>>().join(", ");
     ParamError::Unknown {
@@ -191,13 +150,31 @@ pub struct GivenParam {
     pub origin: ParamOrigin,
 }
 
+impl GivenParam {
+    /// Converts the value, since everything on a command line is text. Returns `None` if it is not
+    /// allowed.
+    fn read(&self, declared: &DeclaredParam) -> Option<ParamValue> {
+        let value = match (&self.origin, &self.value, &declared.value) {
+            (ParamOrigin::CommandLine, ParamValue::Text(text), ParamValue::Boolean(_)) => {
+                ParamValue::Boolean(text.parse().ok()?)
+            }
+            (ParamOrigin::CommandLine, ParamValue::Text(text), ParamValue::Number(_)) => {
+                ParamValue::Number(text.trim().parse().ok()?)
+            }
+            _ => self.value.clone(),
+        };
+        declared.allows(&value).then_some(value)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn number(default: f64, min: f64, max: f64) -> Declaration {
-        Declaration {
-            default: ParamValue::Number(default),
+    fn number(default: f64, min: f64, max: f64) -> DeclaredParam {
+        DeclaredParam {
+            name: "speed".into(),
+            value: ParamValue::Number(default),
             min: Some(min),
             max: Some(max),
             unit: Some("%".into()),
@@ -214,9 +191,9 @@ mod tests {
     }
 
     fn given_value(name: &str, param: GivenParam) -> Result<ParamValue, ParamError> {
-        let declared = BTreeMap::from([("speed".to_owned(), number(40.0, 10.0, 100.0))]);
+        let mut declared = BTreeMap::from([("speed".to_owned(), number(40.0, 10.0, 100.0))]);
         let given = BTreeMap::from([(name.to_owned(), param)]);
-        param_values(&declared, &given).map(|mut values| values.remove("speed").unwrap())
+        set_given(&mut declared, &given).map(|()| declared.remove("speed").unwrap().value)
     }
 
     #[test]

@@ -19,9 +19,7 @@ mod output;
 mod picture_store;
 mod plain;
 mod sandbox;
-mod sound;
 mod state;
-pub mod stdlib;
 mod store;
 mod streams;
 mod task;
@@ -47,24 +45,23 @@ use state::{Outcome, SliceStart, State};
 use task::{Cancel, Ready, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup};
 
 pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
-pub(crate) use declaration::{Declaration, param_values};
 pub use declaration::{GivenParam, ParamOrigin, ParamValue};
+pub(crate) use declaration::{check_declaration, set_given};
 pub(crate) use failure::printable;
 pub use failure::{Explain, Failure, ScriptExit, SourceLocation, nearest, suggestion};
 pub use frame_state::{AnnotatedFrame, LabelledBlob};
-pub use modules::{ModuleFile, ModuleName, NoModule};
+pub use modules::{ModuleFile, ModuleName, NoModule, RESCUE};
 pub(crate) use modules::{Target, resolve};
 pub use options::{
     Calibration, Limits, NOTICES_A_DAY, Options, ScenarioApi, ScenarioCall, ScenarioCallError,
     ScenarioCallResult,
 };
+pub(crate) use output::{DailyLimits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use output::{Evaluated, Level, LogLine, Output};
-pub(crate) use output::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub use state::Usage;
-pub use stdlib::RESCUE;
 
 /// A script with its VM. It stays on the thread that created it.
 ///
@@ -333,12 +330,13 @@ impl Script {
         let (slice, cost) = self.resume(id, &thread, values);
         self.account(&cost);
         if self.state.borrow().exit.broken {
-            self.kill_broken(before);
+            let text =
+                "a fault inside spykee, not of the script: please report it, with the script";
+            self.kill(EndReason::Error, text.to_owned(), before);
             return Ok(());
         }
         if let Some(words) = self.refused_params(id, &slice) {
-            let mut state = self.state.borrow_mut();
-            state.kill(EndReason::Error, Some(words), before);
+            self.kill(EndReason::Error, words, before);
             return Ok(());
         }
         if cost.over {
@@ -360,13 +358,15 @@ impl Script {
     fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Wakeup)> {
         let mut state = self.state.borrow_mut();
         let task = state.tasks.get_mut(id)?;
-        if !matches!(task.phase, TaskPhase::Ready(_)) {
-            return None;
-        }
-        task.started = true;
         match std::mem::replace(&mut task.phase, TaskPhase::Running) {
-            TaskPhase::Ready(answer) => Some((task.thread.clone(), answer)),
-            TaskPhase::Waiting(_) | TaskPhase::Running => None,
+            TaskPhase::Ready(answer) => {
+                task.started = true;
+                Some((task.thread.clone(), answer))
+            }
+            other => {
+                task.phase = other;
+                None
+            }
         }
     }
 
@@ -396,33 +396,26 @@ impl Script {
         self.state.borrow_mut().tasks.current = None;
         let slice = match result {
             Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
-            Ok(values) => Slice::Over(self.done(id, values)),
+            Ok(values) => Slice::Over(self.outcome(id, Outcome::Done(values))),
             Err(error) => match VmError::from_lua(&error) {
                 VmError::Memory => Slice::Memory,
-                VmError::Text(text) => Slice::Over(self.failed(id, text)),
+                VmError::Text(text) => Slice::Over(self.outcome(id, Outcome::Failed(text))),
             },
         };
         (slice, cost)
     }
 
-    fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
-        match self.cancel_of(id) {
-            Cancel::No => Outcome::Done(values),
-            Cancel::Requested | Cancel::Raised => Outcome::Cancelled,
+    /// How a task ended that returned or failed: a cancelled one cannot do anything but clean up.
+    fn outcome(&self, id: TaskId, outcome: Outcome) -> Outcome {
+        let mut state = self.state.borrow_mut();
+        let task = state.tasks.get(id);
+        if task.is_none_or(|task| task.cancel == Cancel::No) {
+            return outcome;
         }
-    }
-
-    fn failed(&self, id: TaskId, text: String) -> Outcome {
-        if self.cancel_of(id) == Cancel::No {
-            return Outcome::Failed(text);
+        if let Outcome::Failed(text) = outcome {
+            state.log_clean_up_failure(&text);
         }
-        self.state.borrow_mut().log_clean_up_failure(&text);
         Outcome::Cancelled
-    }
-
-    fn cancel_of(&self, id: TaskId) -> Cancel {
-        let state = self.state.borrow();
-        state.tasks.get(id).map_or(Cancel::No, |task| task.cancel)
     }
 
     fn account(&self, cost: &SliceCost) {
@@ -456,49 +449,46 @@ impl Script {
         let loading = matches!(slice, Slice::Waits)
             && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
         let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
-        if state.params.names.is_some() || loading || fails {
+        if state.params.declared.is_some() || loading || fails {
             return None;
         }
         no_declaration_error(&state.options.params)
     }
 
-    fn kill_broken(&self, before: SliceStart) {
-        let text = "a fault inside spykee, not of the script: please report it, with the script";
-        let mut state = self.state.borrow_mut();
-        state.kill(EndReason::Error, Some(text.to_owned()), before);
+    fn kill(&self, reason: EndReason, text: String, before: SliceStart) {
+        self.state.borrow_mut().kill(reason, Some(text), before);
     }
 
     fn kill_over_budget(&self, cost: SliceCost, before: SliceStart) {
-        let mut state = self.state.borrow_mut();
-        let limit = state.options.limits.callback_budget_ms;
+        let limit = self.state.borrow().options.limits.callback_budget_ms;
         let location = match cost.location {
             Some(location) => location.to_string(),
-            None => state.options.chunk.clone(),
+            None => self.chunk(),
         };
         let text = format!(
             "{location}: ran longer than {limit} ms without waiting; put task.wait() into long loops"
         );
-        state.kill(EndReason::Cpu, Some(text), before);
+        self.kill(EndReason::Cpu, text, before);
     }
 
     fn kill_out_of_memory(&self, before: SliceStart) {
-        let mut state = self.state.borrow_mut();
-        let limit = state.options.limits.memory_bytes / 1024;
+        let chunk = self.chunk();
+        let limit = self.state.borrow().options.limits.memory_bytes / 1024;
         let text = format!(
-            "{}: wanted more than the {limit} KiB of memory that a script may have; keep less, and set to nil what is not needed any more",
-            state.options.chunk
+            "{chunk}: wanted more than the {limit} KiB of memory that a script may have; keep less, and set to nil what is not needed any more"
         );
-        state.kill(EndReason::Memory, Some(text), before);
+        self.kill(EndReason::Memory, text, before);
+    }
+
+    fn chunk(&self) -> String {
+        self.state.borrow().options.chunk.clone()
     }
 
     /// Kills the script because the VM failed outside the script's own lines.
     fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
         match VmError::from_lua(error) {
             VmError::Memory => self.kill_out_of_memory(before),
-            VmError::Text(text) => {
-                let mut state = self.state.borrow_mut();
-                state.kill(EndReason::Error, Some(text), before);
-            }
+            VmError::Text(text) => self.kill(EndReason::Error, text, before),
         }
     }
 
@@ -515,13 +505,10 @@ impl Script {
         }
         self.lua.gc_collect()?;
         if held.get() > limit {
-            let mut state = self.state.borrow_mut();
-            let text = format!(
-                "{}: holds on to more than {} KiB of frames; keep fewer",
-                state.options.chunk,
-                limit / 1024
-            );
-            state.kill(EndReason::Memory, Some(text), before);
+            let chunk = self.chunk();
+            let limit = limit / 1024;
+            let text = format!("{chunk}: holds on to more than {limit} KiB of frames; keep fewer");
+            self.kill(EndReason::Memory, text, before);
         }
         Ok(())
     }

@@ -5,7 +5,6 @@ use mlua::prelude::LuaFunction;
 use serde::{Deserialize, Serialize};
 
 use super::failure::suggestion;
-use super::stdlib;
 use super::task::{ModuleId, TaskId};
 
 const LONGEST: usize = 200;
@@ -14,6 +13,26 @@ const MAX_MODULES: usize = 128;
 /// Largest total size of the modules' sources, in bytes.
 const MAX_BYTES: usize = 1 << 20;
 const LIBRARY: &str = "@spykee/";
+
+/// The built-in modules, written in Lua. Each begins with a comment on its purpose and use.
+pub(super) const BUILT_IN: [(&str, &str); 9] = [
+    ("@spykee/bt", include_str!("stdlib/bt.luau")),
+    ("@spykee/compass", include_str!("stdlib/compass.luau")),
+    ("@spykee/easy", include_str!("stdlib/easy.luau")),
+    ("@spykee/floor", include_str!("stdlib/floor.luau")),
+    ("@spykee/fsm", include_str!("stdlib/fsm.luau")),
+    ("@spykee/map", include_str!("stdlib/map.luau")),
+    ("@spykee/pid", include_str!("stdlib/pid.luau")),
+    ("@spykee/station", include_str!("stdlib/station.luau")),
+    (
+        "@spykee/whereabouts",
+        include_str!("stdlib/whereabouts.luau"),
+    ),
+];
+
+/// The built-in rescue behaviour, a whole script. The watchdog grants it the tracks when a robot
+/// with a low battery does not find its station.
+pub const RESCUE: &str = include_str!("stdlib/rescue.luau");
 
 /// The path of a module's file within the behaviour's folder, without its extension, such as
 /// `lib/pid`. It cannot name anything outside the folder.
@@ -144,7 +163,7 @@ pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> 
 }
 
 fn names() -> impl Iterator<Item = &'static str> {
-    stdlib::modules().iter().map(|(name, _)| *name)
+    BUILT_IN.iter().map(|(name, _)| *name)
 }
 
 fn known_names() -> String {
@@ -152,7 +171,7 @@ fn known_names() -> String {
 }
 
 fn library(path: &str) -> Result<Target, RequireError> {
-    let found = stdlib::modules().iter().find(|(name, _)| *name == path);
+    let found = BUILT_IN.iter().find(|(name, _)| *name == path);
     found
         .map(|(name, source)| Target::Library(name, source))
         .ok_or_else(|| RequireError::Unknown {

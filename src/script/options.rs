@@ -15,7 +15,7 @@ use crate::vision::{Camera, Colour, Drive};
 const MIB: u64 = 1024 * 1024;
 
 /// Everything that a script is started with, apart from its source.
-#[derive(Serialize, Deserialize, Clone, Debug)]
+#[derive(Serialize, Deserialize, Clone, Debug, Default)]
 pub struct Options {
     /// What the script reads as `script.name`.
     pub name: String,
@@ -58,19 +58,8 @@ impl Options {
         Options {
             name: name.into(),
             chunk: chunk.into(),
-            seed: 0,
-            limits: Limits::default(),
-            calibration: Calibration::default(),
-            camera: Camera::default(),
-            colours: BTreeMap::new(),
-            streams: Streams::default(),
             time_zone: "UTC".to_owned(),
-            clock: 0,
-            params: BTreeMap::new(),
-            data_dir: None,
-            interactive: false,
-            annotate_dir: None,
-            detections: false,
+            ..Options::default()
         }
     }
 

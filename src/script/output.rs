@@ -83,7 +83,7 @@ pub struct LogLine {
 }
 
 impl LogLine {
-    pub(super) fn new(level: Level, text: &str) -> LogLine {
+    pub(crate) fn new(level: Level, text: &str) -> LogLine {
         LogLine {
             level,
             text: printable(text, LONGEST_TEXT),
@@ -211,15 +211,16 @@ impl OutputQueue {
     }
 }
 
-/// The script's daily limits for what it sends to people besides its log: journal entries with the names of pictures, and messages. The agent enforces the same limits.
+/// The script's daily limits for what it sends to people besides its log: journal entries with the
+/// names of pictures, and messages. The agent enforces the same limits.
 #[derive(Debug)]
-pub(super) struct DailyLimits {
+pub(crate) struct DailyLimits {
     bytes: Budget,
     notices: Budget,
 }
 
 impl DailyLimits {
-    pub(super) fn new(limits: &Limits) -> DailyLimits {
+    pub(crate) fn new(limits: &Limits) -> DailyLimits {
         DailyLimits {
             bytes: Budget::new(limits.journal_bytes_a_day()),
             notices: Budget::new(NOTICES_A_DAY),
@@ -228,12 +229,12 @@ impl DailyLimits {
 
     /// Takes the share of a journal entry with texts of this many bytes; `false` if too little is
     /// left today.
-    pub(super) fn take_entry(&mut self, length: usize, now: Instant) -> bool {
+    pub(crate) fn take_entry(&mut self, length: usize, now: Instant) -> bool {
         self.bytes.take((OVERHEAD + length) as u64, now)
     }
 
     /// Takes the share of one message; `false` if none is left.
-    pub(super) fn take_notice(&mut self, now: Instant) -> bool {
+    pub(crate) fn take_notice(&mut self, now: Instant) -> bool {
         self.notices.take(1, now)
     }
 }

@@ -14,7 +14,6 @@ use std::time::Duration;
 use mlua::prelude::LuaMultiValue;
 use tokio::time::Instant;
 
-use super::declaration::{Declaration, ParamValue};
 use super::eval;
 use super::events::{Busy, EventName, Payload, Subscriptions};
 use super::failure::{Exit, FailureLog, Life, LogForm, ScriptExit, Stopping};
@@ -24,16 +23,16 @@ use super::motion::{Motion, Owner};
 use super::options::{Options, ScenarioApi};
 use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue, QueuePosition};
 use super::picture_store::PictureStore;
-use super::sound::Loudness;
 use super::store::Store;
-use super::streams::{Demand, WantedStreams};
+use super::streams::{Demand, Loudness, WantedStreams};
 use super::task::{
     Cancel, Due, Group, GroupId, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Tasks, Wait,
     Wakeup,
 };
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{
-    Battery, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo, StreamOff,
+    Battery, DeclaredParam, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo,
+    StreamOff,
 };
 use crate::vision::{Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, validate_markers};
 use crate::wire::Stream;
@@ -67,10 +66,9 @@ pub struct Usage {
 }
 
 #[derive(Default)]
-pub(super) struct Declared {
-    /// The names; `None` before `params.declare` was called.
-    pub(super) names: Option<Vec<String>>,
-    pub(super) all: BTreeMap<String, (Declaration, ParamValue)>,
+pub(super) struct Params {
+    /// The parameters by name; `None` before `params.declare` was called.
+    pub(super) declared: Option<BTreeMap<String, DeclaredParam>>,
     /// The error message if the given values were refused.
     pub(super) refused: Option<String>,
 }
@@ -96,7 +94,7 @@ pub(super) struct State {
     pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
     pub(super) scenario_api: Option<Rc<dyn ScenarioApi>>,
-    pub(super) params: Declared,
+    pub(super) params: Params,
     pub(super) output: OutputQueue,
     pub(super) life: Life,
     pub(super) exit: Exit,
@@ -113,10 +111,8 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn show_params(&mut self) {
-        let all = self.params.all.iter();
-        let params =
-            all.map(|(name, (declaration, value))| declaration.declared(name, value.clone()));
-        self.output.params(params.collect());
+        let declared = self.params.declared.iter().flat_map(BTreeMap::values);
+        self.output.params(declared.cloned().collect());
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {
@@ -145,7 +141,7 @@ impl State {
             daily_limits,
             modules,
             scenario_api: None,
-            params: Declared::default(),
+            params: Params::default(),
             output: OutputQueue::new(now),
             life: Life::Running,
             exit: Exit::default(),
@@ -355,16 +351,9 @@ impl State {
                     self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
                 }
             }
-            Event::DockEnded {
-                call,
-                end,
-                attempts,
-                took,
-            } => self.answer(Wait::Dock(call), || Wakeup::Dock {
-                end,
-                attempts,
-                took,
-            }),
+            Event::DockEnded { call, outcome } => {
+                self.answer(Wait::Dock(call), || Wakeup::Dock(outcome));
+            }
             Event::UndockEnded { call, end } => {
                 self.answer(Wait::Undock(call), || Wakeup::Undock(end));
             }

@@ -10,7 +10,7 @@ use mlua::prelude::{LuaMultiValue, LuaThread, LuaValue};
 use tokio::time::Instant;
 
 use super::events::{EventName, Payload};
-use crate::robot::{CallId, DockEnd, MotionEnd, MotionId};
+use crate::robot::{CallId, DockEnd, DockOutcome, MotionEnd, MotionId};
 
 /// Largest number of tasks at once, including timers and running handlers.
 pub(super) const MAX_TASKS: usize = 256;
@@ -100,11 +100,7 @@ pub(super) enum Wakeup {
     /// `false, code`.
     Refused(&'static str),
     Motion(MotionEnd),
-    Dock {
-        end: DockEnd,
-        attempts: u32,
-        took: Duration,
-    },
+    Dock(DockOutcome),
     Undock(DockEnd),
     Joined(Status, Option<String>),
     Values(LuaMultiValue),

@@ -16,14 +16,14 @@ use super::idle::{self, IdleAction, IdleRobot};
 use super::record::is_news;
 use super::{Listeners, Reload, ServicePlan, View};
 use crate::agent::{
-    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Docked, PilotClient,
-    PilotClientError, Roster, RosterError,
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, PilotClient, PilotClientError,
+    Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
 use crate::control::Change;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority, STOP_HOLDS};
+use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
 use crate::timetable::{Act, Due, NextStart, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
@@ -393,7 +393,7 @@ pub(super) enum OrderResult {
     /// A stop or a restart.
     Changed(String, Result<(), RosterError>),
     /// An idle robot was sent home.
-    Home(Result<Docked, PilotClientError>),
+    Home(Result<DockOutcome, PilotClientError>),
 }
 
 /// Outstanding orders. They run concurrently: a script that loads slowly delays neither the
@@ -468,7 +468,7 @@ impl Orders {
 }
 
 /// Docks with the lowest priority. Dropping the future cancels the docking.
-async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, PilotClientError> {
+async fn send_home(requests: mpsc::Sender<Request>) -> Result<DockOutcome, PilotClientError> {
     let client =
         PilotClient::join(requests, IDLE_CLIENT, "an idle robot", LOWEST, Role::Person).await;
     client?.dock(DockPlan::DEFAULT).await
@@ -522,9 +522,9 @@ fn log_quiet_hours(quiet: Quiet) {
 }
 
 /// Logs the result of sending an idle robot to its station. Returns whether it arrived.
-fn log_homing(ended: &Result<Docked, PilotClientError>) -> bool {
+fn log_homing(ended: &Result<DockOutcome, PilotClientError>) -> bool {
     let why = match ended {
-        Ok(Docked {
+        Ok(DockOutcome {
             end: DockEnd::Done | DockEnd::AlreadyDocked,
             ..
         }) => {

@@ -1,12 +1,13 @@
 //! Rules for missing or superfluous elements: an `end`, a bracket, a value, a word.
 
+use super::super::diagnostic::Diagnostic;
 use super::super::lexer::{KEYWORDS, Span, Token, TokenKind};
 use super::super::parser;
-use super::{ErrorSite, Explanation, closing, word};
+use super::{ErrorSite, closing, word};
 
 impl ErrorSite<'_> {
     /// Blocks written as in other languages, with `{` or `:`, or without `then` or `do`.
-    pub(super) fn blocks(&self) -> Option<Explanation> {
+    pub(super) fn blocks(&self) -> Option<Diagnostic> {
         let tokens = self.around();
         let (at, begins) = tokens.iter().enumerate().rfind(|(_, token)| {
             matches!(
@@ -39,78 +40,58 @@ impl ErrorSite<'_> {
                 }
                 word => format!("write `{word}` here, and `end` where the block ends"),
             };
-            return Some(Explanation {
-                at: last.span,
-                message: format!("'{}' does not begin a block", self.text(last)),
-                help,
-            });
+            let message = format!("'{}' does not begin a block", self.text(last));
+            return Some(self.error(last.span, message).help(help));
         }
         let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
         if !complains || behind.iter().any(|token| self.text(token) == word) {
             return None;
         }
         let end = last.span.end;
-        Some(Explanation {
-            at: Span { start: end, end },
-            message: format!("`{keyword}` needs `{word}` after it"),
-            help: format!("write `{word}` at the end of this line"),
-        })
+        let message = format!("`{keyword}` needs `{word}` after it");
+        let help = format!("write `{word}` at the end of this line");
+        Some(self.error(Span { start: end, end }, message).help(help))
     }
 
-    pub(super) fn extra_end(&self) -> Option<Explanation> {
-        if !self.words.contains("<eof>, got 'end'") && !self.words.contains("got 'end'") {
+    pub(super) fn extra_end(&self) -> Option<Diagnostic> {
+        if !self.words.contains("got 'end'") || !self.words.contains("<eof>") {
             return None;
         }
-        let end = self
-            .on_line()
-            .into_iter()
-            .find(|token| self.text(token) == "end")?;
+        let mut on_line = self.on_line().into_iter();
+        let end = on_line.find(|token| self.text(token) == "end")?;
         let head = self.tokens.iter().enumerate().find(|(at, token)| {
-            let before = at.checked_sub(1).map(|at| self.text(&self.tokens[at]));
-            let starts_line = at
-                .checked_sub(1)
-                .is_none_or(|at| self.line_of(&self.tokens[at]) < self.line_of(token));
             let called = self
                 .tokens
                 .get(at + 1)
                 .is_some_and(|next| self.text(next) == "(");
-            let indented = self.is_followed_by_indent(self.line_of(token));
             token.kind == TokenKind::Name
-                && starts_line
+                && self.begins_line(token)
                 && called
-                && indented
-                && before != Some("function")
+                && self.is_followed_by_indent(self.line_of(token))
         });
-        if !self.words.contains("<eof>") {
-            return None;
+        if let Some((_, token)) = head {
+            let name = self.text(token);
+            let message = format!("the word `function` is missing before `{name}`");
+            return Some(
+                self.error(token.span, message)
+                    .help(format!("write function {name}(...)")),
+            );
         }
-        Some(match head {
-            Some((_, token)) => Explanation {
-                at: token.span,
-                message: format!(
-                    "the word `function` is missing before `{}`",
-                    self.text(token)
-                ),
-                help: format!("write function {}(...)", self.text(token)),
-            },
-            None => Explanation {
-                at: end.span,
-                message: "this `end` closes nothing: there is one too many".to_owned(),
-                help: "each function, if, for, while and do has exactly one end".to_owned(),
-            },
-        })
+        let message = "this `end` closes nothing: there is one too many";
+        let help = "each function, if, for, while and do has exactly one end";
+        Some(self.error(end.span, message).help(help))
     }
 
     pub(super) fn is_followed_by_indent(&self, line: usize) -> bool {
         let indent = |line: usize| {
-            let text = self.source.lines().nth(line - 1)?;
+            let text = self.source.text.lines().nth(line - 1)?;
             Some(text.len() - text.trim_start().len())
         };
         indent(line + 1) > indent(line)
     }
 
     /// `Expected ')' (to close '(' at line 3), got ...`
-    pub(super) fn brackets(&self) -> Option<Explanation> {
+    pub(super) fn brackets(&self) -> Option<Diagnostic> {
         let mut open: Vec<&Token> = Vec::new();
         for token in &self.tokens {
             if self.line_of(token) > self.line {
@@ -123,11 +104,9 @@ impl ErrorSite<'_> {
                         .pop()
                         .is_some_and(|open| closing(self.text(open)) == self.text(token));
                     if !fits {
-                        return Some(Explanation {
-                            at: token.span,
-                            message: format!("this '{}' closes nothing", self.text(token)),
-                            help: "each bracket is opened once and closed once".to_owned(),
-                        });
+                        let message = format!("this '{}' closes nothing", self.text(token));
+                        let help = "each bracket is opened once and closed once";
+                        return Some(self.error(token.span, message).help(help));
                     }
                 }
                 _ => {}
@@ -141,15 +120,13 @@ impl ErrorSite<'_> {
         }
         let token = open.last()?;
         let close = closing(self.text(token));
-        Some(Explanation {
-            at: token.span,
-            message: format!("this '{}' is never closed", self.text(token)),
-            help: format!("a '{close}' or a comma is missing"),
-        })
+        let message = format!("this '{}' is never closed", self.text(token));
+        let help = format!("a '{close}' or a comma is missing");
+        Some(self.error(token.span, message).help(help))
     }
 
     /// `Incomplete statement: expected assignment or a function call`.
-    pub(super) fn lone_name(&self) -> Option<Explanation> {
+    pub(super) fn lone_name(&self) -> Option<Diagnostic> {
         if !self.words.contains("Incomplete statement") {
             return None;
         }
@@ -167,37 +144,28 @@ impl ErrorSite<'_> {
             _ if KEYWORDS.contains(&lower.as_str()) => {
                 format!("`{lower}` is written in small letters")
             }
-            None => format!("to call it, write {}()", span.of(self.source)),
+            None => format!("to call it, write {}()", span.of(self.source.text)),
             Some((_, "==")) => "to set a variable, write a single =".to_owned(),
             Some((TokenKind::Name | TokenKind::Number | TokenKind::Keyword, _)) => {
                 format!(
                     "the arguments of a function go in brackets: {}(...)",
-                    span.of(self.source)
+                    span.of(self.source.text)
                 )
             }
             Some(_) => String::new(),
         };
-        Some(Explanation {
-            at: span,
-            message: format!("`{}` alone does nothing", span.of(self.source)),
-            help,
-        })
+        let message = format!("`{}` alone does nothing", span.of(self.source.text));
+        Some(self.error(span, message).help(help))
     }
 
     /// `Expected identifier when parsing expression, got ...`
-    pub(super) fn missing_value(&self) -> Option<Explanation> {
+    pub(super) fn missing_value(&self) -> Option<Diagnostic> {
         if !self.words.contains("when parsing expression") {
             return None;
         }
-        let failed_at = match parser::parse(self.source) {
-            Err(error) => error.at,
-            Ok(_) => return None,
-        };
-        let before = self
-            .tokens
-            .iter()
-            .rfind(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)?;
-        let found = failed_at.of(self.source);
+        let failed_at = parser::parse(self.source.text).err()?.at;
+        let before = *self.tokens_before(failed_at).last()?;
+        let found = failed_at.of(self.source.text);
         if matches!(found, ")" | "]" | "}")
             && let Some(open) = self.open_block(failed_at.start)
         {
@@ -219,24 +187,23 @@ impl ErrorSite<'_> {
                 "",
             ),
         };
-        Some(Explanation {
-            at: before.span,
-            message,
-            help: help.to_owned(),
-        })
+        Some(self.error(before.span, message).help(help))
+    }
+
+    fn tokens_before(&self, span: Span) -> Vec<&Token> {
+        let tokens = self.tokens.iter();
+        tokens
+            .filter(|token| token.span.end <= span.start && token.kind != TokenKind::End)
+            .collect()
     }
 
     /// `Expected '(', '{' or <string> when parsing function call, got ...`
-    pub(super) fn method_without_brackets(&self) -> Option<Explanation> {
+    pub(super) fn method_without_brackets(&self) -> Option<Diagnostic> {
         if !self.words.contains("when parsing function call") {
             return None;
         }
-        let failed_at = parser::parse(self.source).err()?.at;
-        let before: Vec<&Token> = self
-            .tokens
-            .iter()
-            .filter(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)
-            .collect();
+        let failed_at = parser::parse(self.source.text).err()?.at;
+        let before = self.tokens_before(failed_at);
         let [.., object, colon, name] = before.as_slice() else {
             return None;
         };
@@ -248,22 +215,17 @@ impl ErrorSite<'_> {
             _ => "...",
         };
         let name_text = self.text(name);
-        Some(Explanation {
-            at: name.span,
-            message: format!("`{name_text}` needs brackets after it"),
-            help: format!("to call it, write {object}:{name_text}()"),
-        })
+        let message = format!("`{name_text}` needs brackets after it");
+        let help = format!("to call it, write {object}:{name_text}()");
+        Some(self.error(name.span, message).help(help))
     }
 
     /// `Expected 'X' when parsing Y, got 'Z'`.
-    pub(super) fn missing_word(&self) -> Option<Explanation> {
+    pub(super) fn missing_word(&self) -> Option<Diagnostic> {
         let (_, rest) = self.words.split_once("Expected ")?;
         let (expected, rest) = rest.split_once(", got ")?;
-        let expected = expected
-            .split(" when parsing ")
-            .next()?
-            .split(" (")
-            .next()?;
+        let expected = expected.split(" when parsing ").next()?;
+        let expected = expected.split(" (").next()?;
         let got = rest.split(';').next()?.trim();
         let value = got.starts_with(['"', '\''])
             && got
@@ -277,15 +239,11 @@ impl ErrorSite<'_> {
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
         };
-        Some(Explanation {
-            at: self.location(),
-            message,
-            help: String::new(),
-        })
+        Some(self.error(self.location(), message))
     }
 
     /// `Expected 'end' (to close 'function' at line 3), got <eof>`; the same with `'until'`.
-    pub(super) fn missing_end(&self) -> Option<Explanation> {
+    pub(super) fn missing_end(&self) -> Option<Diagnostic> {
         let (_, rest) = self.words.split_once("Expected '")?;
         let (wanted, rest) = rest.split_once("' (to close '")?;
         if !matches!(wanted, "end" | "until") {
@@ -317,7 +275,7 @@ impl ErrorSite<'_> {
 
     /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is
     /// indented less belongs to an outer `if`.
-    fn branch_after_else(&self, opened: &Token) -> Option<Explanation> {
+    fn branch_after_else(&self, opened: &Token) -> Option<Diagnostic> {
         if self.text(opened) != "else" || !self.words.contains("got 'else") {
             return None;
         }
@@ -329,20 +287,18 @@ impl ErrorSite<'_> {
         if self.indent_of(late) < self.indent_of(self.head(opened)) {
             return None;
         }
-        Some(Explanation {
-            at: late.span,
-            message: format!(
-                "this `{}` comes after the `else` on line {}",
-                self.text(late),
-                self.line_of(opened)
-            ),
-            help: "an if has at most one else, after each elseif".to_owned(),
-        })
+        let message = format!(
+            "this `{}` comes after the `else` on line {}",
+            self.text(late),
+            self.line_of(opened)
+        );
+        let help = "an if has at most one else, after each elseif";
+        Some(self.error(late.span, message).help(help))
     }
 
     /// The explanation of a block without `end`, or without `until`, that begins with this token;
     /// the error was noticed on the line `noticed`.
-    pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Explanation {
+    pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Diagnostic {
         let head = self.head(opened);
         let taken = self.taken_branch(head);
         let head = taken.map_or(head, |(_, inner)| inner);
@@ -365,13 +321,9 @@ impl ErrorSite<'_> {
             _ => "each function, if, for, while and do is closed by its own end".to_owned(),
         };
         let closing = if keyword == "repeat" { "until" } else { "end" };
-        Explanation {
-            at: head.span,
-            message: format!(
-                "the `{keyword}` that begins here has no `{closing}`: it is missing {place}"
-            ),
-            help,
-        }
+        let message =
+            format!("the `{keyword}` that begins here has no `{closing}`: it is missing {place}");
+        self.error(head.span, message).help(help)
     }
 
     /// Returns the token that opens the innermost open block at this position, where a bracket is
@@ -506,7 +458,7 @@ impl ErrorSite<'_> {
     /// The width of the indentation of a token's line, in bytes.
     fn indent_of(&self, token: &Token) -> usize {
         let start = self.line_start(self.line_of(token));
-        let rest = self.source.get(start..).unwrap_or_default();
+        let rest = self.source.text.get(start..).unwrap_or_default();
         rest.len() - rest.trim_start().len()
     }
 

@@ -1,13 +1,13 @@
 //! Checks calls, operators and their operands.
 
-use super::super::diagnostic::Diagnostic;
 use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::super::{passing, required};
 use super::Walk;
-use crate::api::{self, Bounds, Choice, EventName, Function, Requirement, Type, Value};
+use crate::api::{self, Bounds, EventName, Function, Type, Value};
 use crate::script::{PICTURE_NAMES, picture_name};
+use crate::vision::Colour;
 use crate::wire::Stream;
 
 /// A little over two turns: a larger number is probably not meant in radians.
@@ -24,17 +24,11 @@ impl<'a> Walk<'a> {
         }
         self.exprs(arguments);
         match kind {
-            ValueKind::Native(function) => {
-                self.call(CallSite {
-                    function,
-                    arguments,
-                    span: call.span,
-                });
-                self.special(function, arguments);
-            }
+            ValueKind::Native(function) => self.call(function, arguments, call.span),
             ValueKind::Namespace(name) => {
-                self.error(callee.span, format!("{name} is not a function"))
-                    .help = Some(format!("call its functions as {name}.NAME()"));
+                let message = format!("{name} is not a function");
+                let help = format!("call its functions as {name}.NAME()");
+                self.error(callee.span, message, help);
             }
             ValueKind::Nothing
             | ValueKind::Number(_)
@@ -42,18 +36,16 @@ impl<'a> Walk<'a> {
             | ValueKind::Text(_)
             | ValueKind::List(_) => {
                 let what = kind.describe().unwrap_or_default();
-                let message = format!(
-                    "'{}' is {what}, not a function",
-                    self.source_text(callee.span)
-                );
-                self.error(callee.span, message);
+                let words = self.source_text(callee.span);
+                let message = format!("'{words}' is {what}, not a function");
+                self.error(callee.span, message, "");
             }
             _ => self.library(callee, arguments),
         }
     }
 
     /// Unknown standard functions, and methods called with a dot.
-    pub(super) fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
+    fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
         let ExprKind::Field(object, name, at) = &callee.kind else {
             return;
         };
@@ -69,7 +61,7 @@ impl<'a> Walk<'a> {
                     let object = self.source_text(object.span);
                     let message =
                         format!("{name} must be called with a colon: {object}:{name}(...)");
-                    self.error(*at, message);
+                    self.error(*at, message, "");
                 }
             }
             _ => {}
@@ -77,7 +69,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Checks calls whose arguments depend on the script's environment.
-    pub(super) fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+    fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         self.units(function, arguments);
         let [.., argument] = arguments else { return };
         let wrong = match (function.path, self.kinds.kind_of(argument)) {
@@ -96,7 +88,7 @@ impl<'a> Walk<'a> {
             _ => None,
         };
         if let Some(wrong) = wrong {
-            self.error(argument.span, wrong);
+            self.error(argument.span, wrong, "");
         }
     }
 
@@ -122,15 +114,12 @@ impl<'a> Walk<'a> {
             ),
             _ => return,
         };
-        self.warning(first.span, message).help = Some(help);
+        self.warning(first.span, message, help);
     }
 
     /// The first parameter of an inline handler: an event's payload, or an object of the API.
-    pub(super) fn handler(&mut self, function: &'static Function, arguments: &'a [Expr]) {
-        let mut forms = function.forms();
-        let short = forms.len() > 1 && forms[1].len() == arguments.len();
-        let rows = forms.swap_remove(usize::from(short));
-        for (row, argument) in rows.iter().zip(arguments) {
+    fn handler(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        for (row, argument) in function.form(arguments.len()).iter().zip(arguments) {
             let ExprKind::Function(body) = &argument.kind else {
                 continue;
             };
@@ -153,38 +142,28 @@ impl<'a> Walk<'a> {
         let at = *at;
         self.expr(object);
         self.exprs(arguments);
-        match self.kinds.kind_of(object) {
+        let words = self.source_text(object.span);
+        let kind = self.kinds.kind_of(object);
+        match kind {
             ValueKind::Namespace(owner) if self.is_ours(owner) => {
-                let exists = self.context.paths.contains(&format!("{owner}.{name}"));
-                self.function_with_colon(owner, name, at, exists);
+                self.function_with_colon(owner, name, at, self.has(owner, name));
             }
             ValueKind::Module(module) => {
                 let exists = module.function(name).is_some();
                 self.function_with_colon(module.name, name, at, exists);
             }
             ValueKind::Object(of) => match of.method(name) {
-                Some(function) => {
-                    self.call(CallSite {
-                        function,
-                        arguments,
-                        span: call.span,
-                    });
-                    self.special(function, arguments);
-                }
-                None if of.fields.iter().any(|field| field.name == name) => {
-                    let words = self.source_text(object.span);
+                Some(function) => self.call(function, arguments, call.span),
+                None if of.field(name).is_some() => {
                     let message = format!("'{name}' is data, not a function: write {words}.{name}");
-                    self.error(at, message);
+                    self.error(at, message, "");
                 }
                 None => self.member(of, name, at),
             },
             ValueKind::List(_) | ValueKind::Nothing => {
-                let what = self.kinds.kind_of(object).describe().unwrap_or_default();
-                let message = format!(
-                    "'{}' is {what}: it has no function '{name}'",
-                    self.source_text(object.span)
-                );
-                self.error(at, message);
+                let what = kind.describe().unwrap_or_default();
+                let message = format!("'{words}' is {what}: it has no function '{name}'");
+                self.error(at, message, "");
             }
             _ => {}
         }
@@ -196,7 +175,7 @@ impl<'a> Walk<'a> {
         }
         let path = format!("{owner}.{name}");
         let message = format!("{path} must be called with a dot, not with a colon");
-        self.error(at, message).help = Some(format!("write {path}(...)"));
+        self.error(at, message, format!("write {path}(...)"));
     }
 
     /// Values that are neither numbers nor strings.
@@ -222,42 +201,40 @@ impl<'a> Walk<'a> {
             | [ValueKind::Text(_), ValueKind::Number(_)] = kinds
         {
             let message = "a number cannot be compared with a string";
-            self.error(left.span.to(right.span), message).help =
-                Some("tonumber(text) converts a string to a number".to_owned());
+            let help = "tonumber(text) converts a string to a number";
+            self.error(left.span.to(right.span), message, help);
         }
     }
 
     /// Reports a value that the operator cannot be applied to; returns whether it is one.
     fn wrong_operand(&mut self, operator: &str, side: &'a Expr) -> bool {
         let kind = self.kinds.kind_of(side);
-        let wrong = matches!(
-            kind,
-            ValueKind::Object(_)
-                | ValueKind::List(_)
-                | ValueKind::Nothing
-                | ValueKind::Native(_)
-                | ValueKind::Function(_)
-                | ValueKind::Boolean
-        );
-        let Some(what) = self.got_words(side, kind) else {
-            return false;
+        let words = self.source_text(side.span);
+        let help = match kind {
+            ValueKind::Object(object) => object.fields.first().map_or_else(String::new, |field| {
+                format!("read one of its fields, such as {words}.{}", field.name)
+            }),
+            ValueKind::List(_) => format!("#{words} is the number of its entries"),
+            ValueKind::Native(function) => format!("call it: {}", function.call()),
+            ValueKind::Function(_) => format!("call it: {words}()"),
+            ValueKind::Boolean if operator == ".." => {
+                format!("tostring({words}) converts it to a string")
+            }
+            ValueKind::Boolean | ValueKind::Nothing => String::new(),
+            _ => return false,
         };
-        if !wrong {
-            return false;
-        }
         let does = match operator {
             ".." => "cannot be joined to a string",
             "<" | ">" | "<=" | ">=" => "cannot be compared with < or >",
             _ => "cannot be used in arithmetic",
         };
-        let words = self.source_text(side.span);
+        let what = kind.describe().unwrap_or_default();
         let message = if words == what {
             format!("{what} {does}")
         } else {
             format!("`{words}` is {what}: it {does}")
         };
-        let help = self.what_to_read(side, kind, operator);
-        self.error(side.span, message).help = help;
+        self.error(side.span, message, help);
         true
     }
 
@@ -269,13 +246,12 @@ impl<'a> Walk<'a> {
                 ValueKind::Boolean | ValueKind::Unknown
             )
         {
-            let help = format!(
-                "write {} ~= {}",
-                self.source_text(left.span).trim_start_matches("not").trim(),
-                self.source_text(right.span)
-            );
-            let message = "`not` applies only to the left side here, so this compares true or false with something else";
-            self.warning(left.span.to(right.span), message).help = Some(help);
+            let negated = self.source_text(left.span);
+            let negated = negated.trim_start_matches("not").trim();
+            let help = format!("write {negated} ~= {}", self.source_text(right.span));
+            let message = "`not` applies only to the left side here, so this compares true or \
+                           false with something else";
+            self.warning(left.span.to(right.span), message, help);
         }
     }
 
@@ -292,36 +268,7 @@ impl<'a> Walk<'a> {
         let near = self.near(said, names.iter().copied());
         let words = crate::script::printable(said, 40);
         let message = format!("no {} is called '{words}'{near}", choice.what);
-        self.warning(text.span, message).help = Some(format!("known: {}", names.join(", ")));
-    }
-
-    pub(super) fn got_words(&self, side: &Expr, kind: ValueKind<'a>) -> Option<String> {
-        match side.bare().kind {
-            ExprKind::Nil => Some("nil".to_owned()),
-            _ => kind.describe(),
-        }
-    }
-
-    pub(super) fn what_to_read(
-        &self,
-        side: &Expr,
-        kind: ValueKind<'a>,
-        operator: &str,
-    ) -> Option<String> {
-        let words = self.source_text(side.span);
-        match kind {
-            ValueKind::Object(object) => {
-                let field = object.fields.first()?.name;
-                Some(format!("read one of its fields, such as {words}.{field}"))
-            }
-            ValueKind::List(_) => Some(format!("#{words} is the number of its entries")),
-            ValueKind::Native(function) => Some(format!("call it: {}", function.call())),
-            ValueKind::Function(_) => Some(format!("call it: {words}()")),
-            ValueKind::Boolean if operator == ".." => {
-                Some(format!("tostring({words}) converts it to a string"))
-            }
-            _ => None,
-        }
+        self.warning(text.span, message, format!("known: {}", names.join(", ")));
     }
 }
 
@@ -333,117 +280,107 @@ fn first_parameter<'a>(luau: &str) -> ValueKind<'a> {
     api::object(name).map_or(ValueKind::Unknown, ValueKind::Object)
 }
 
+/// An argument or an option, with the row that says what it must be.
 #[derive(Clone, Copy)]
-pub(super) struct CallSite<'a> {
-    pub(super) function: &'static Function,
-    pub(super) arguments: &'a [Expr],
-    pub(super) span: Span,
+struct Passed<'a> {
+    call: &'static str,
+    value: &'static Value,
+    argument: &'a Expr,
+    /// The whole call; `None` for an option.
+    whole: Option<Span>,
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn call(&mut self, site: CallSite<'a>) {
-        let CallSite {
-            function,
-            arguments,
-            span,
-        } = site;
-        if arguments.len() > function.parameters.len() && function.rest.is_none() {
-            let most = function.parameters.len();
-            let extra = &arguments[most];
-            let message = format!(
-                "{}: takes {}, got {}",
-                function.path,
-                counted(most),
-                arguments.len()
-            );
-            let open = most + 1 == arguments.len() && is_open(extra);
-            if !open {
-                self.error(extra.span, message).help = Some(function.call());
-            }
+    fn call(&mut self, function: &'static Function, arguments: &'a [Expr], span: Span) {
+        let call = function.path;
+        let most = function.parameters.len();
+        let is_open = arguments.last().is_some_and(Expr::is_open);
+        if let Some(extra) = arguments.get(most)
+            && function.rest.is_none()
+            && !(most + 1 == arguments.len() && is_open)
+        {
+            let got = arguments.len();
+            let message = format!("{call}: takes {}, got {got}", counted(most));
+            self.error(extra.span, message, function.call());
         }
-        let mut forms = function.forms();
-        let short = forms.len() > 1 && forms[1].len() == arguments.len();
-        let parameters = forms.swap_remove(usize::from(short));
-        for (parameter, argument) in parameters.into_iter().zip(arguments) {
-            self.argument(function.path, parameter, argument, Some(span));
+        let parameters = function.form(arguments.len());
+        let is_short = parameters.len() < most;
+        for (value, argument) in parameters.into_iter().zip(arguments) {
+            let whole = Some(span);
+            self.argument(Passed {
+                call,
+                value,
+                argument,
+                whole,
+            });
         }
-        self.stream(site);
-        let open = arguments.last().is_some_and(is_open);
-        if arguments.len() < function.required_len() && !open && !short {
+        self.stream(function, arguments, span);
+        if arguments.len() < function.required_len() && !is_open && !is_short {
             let missing = &function.parameters[arguments.len()];
-            let missing_words = format!(
-                "{}: {} is missing{}",
-                function.path,
-                missing.label(),
-                must_be(missing)
-            );
-            self.error(span, missing_words).help = Some(function.call());
+            let label = missing.label();
+            let message = format!("{call}: {label} is missing{}", must_be(missing));
+            self.error(span, message, function.call());
         }
+        self.special(function, arguments);
     }
 
     /// Only a warning: the script may handle a stream that the config keeps off.
-    fn stream(&mut self, site: CallSite<'a>) {
-        let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.kind_of(one))
-        {
+    fn stream(&mut self, function: &'static Function, arguments: &'a [Expr], span: Span) {
+        let text = match arguments.first().map(|one| self.kinds.kind_of(one)) {
             Some(ValueKind::Text(text)) => text,
             _ => None,
         };
-        let switched_off = || {
-            let on = site.arguments.get(1).map(|one| &one.bare().kind);
-            matches!(on, Some(ExprKind::Boolean(false)))
-        };
-        let wanted = match site.function.path {
+        let on = arguments.get(1).map(|one| &one.bare().kind);
+        let switched_off = matches!(on, Some(ExprKind::Boolean(false)));
+        let wanted = match function.path {
             "robot.frame" | "robot.wait_frame" => Some(Stream::Video),
-            "robot.stream" if !switched_off() => text(0).and_then(Stream::from_name),
-            _ if site.function.takes_an_event() => text(0)
+            "robot.stream" if !switched_off => text.and_then(Stream::from_name),
+            _ if function.takes_an_event() => text
                 .and_then(EventName::from_name)
                 .and_then(EventName::stream),
             _ => None,
         };
         let streams = self.context.streams;
         if let Some(Err(why)) = wanted.map(|stream| streams.allow(stream)) {
-            self.warning(site.span, format!("{}: {why}", site.function.path));
+            self.warning(span, format!("{}: {why}", function.path), "");
         }
     }
 
-    /// `whole` is the call, if this is an argument and not an option.
-    fn argument(
-        &mut self,
-        call: &str,
-        value: &'static Value,
-        argument: &'a Expr,
-        whole: Option<Span>,
-    ) {
-        let kind = self.kinds.kind_of(argument);
+    fn argument(&mut self, passed: Passed<'a>) {
+        let Passed {
+            value, argument, ..
+        } = passed;
         if value.kind.is_function()
             && let Some(path) = self.answered_by(argument)
         {
-            let what = value.label();
-            let message = format!("{call}: {what} must be a function, got the result of {path}");
-            let help = self.passing(value, argument, whole);
-            self.error(argument.span, message).help = help;
-            return;
+            return self.wrong(passed, "a function", &format!("the result of {path}"));
         }
-        if matches!(kind, ValueKind::Nothing) {
-            if value.requirement == Requirement::Required && !matches!(value.kind, Type::Any) {
-                let message = format!(
-                    "{call}: {} must be {}, got nothing",
-                    value.label(),
-                    value.kind.describe()
-                );
-                let help = self.passing(value, argument, whole);
-                self.error(argument.span, message).help = help;
+        match self.kinds.kind_of(argument) {
+            ValueKind::Nothing => {
+                let required = value.is_required();
+                if required && !matches!(value.kind, Type::Any) {
+                    self.wrong(passed, &value.kind.describe(), "nothing");
+                }
             }
-            return;
+            kind => self.fits(passed, kind),
         }
-        self.fits(call, value, argument, whole);
     }
 
-    fn passing(&self, value: &Value, argument: &Expr, whole: Option<Span>) -> Option<String> {
-        if !value.kind.is_function() {
-            return None;
-        }
-        passing::help(self.source.text, argument, whole, value.kind.wants_result())
+    /// Reports an argument that is not what its row says.
+    fn wrong(&mut self, passed: Passed<'a>, wanted: &str, got: &str) {
+        let Passed {
+            call,
+            value,
+            argument,
+            whole,
+        } = passed;
+        let help = if value.kind.is_function() {
+            passing::help(self.source.text, argument, whole, value.kind.wants_result())
+        } else {
+            None
+        };
+        let message = format!("{call}: {} must be {wanted}, got {got}", value.label());
+        self.error(argument.span, message, help.unwrap_or_default());
     }
 
     fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
@@ -455,30 +392,20 @@ impl<'a> Walk<'a> {
         (!open).then_some(function.path)
     }
 
-    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, whole: Option<Span>) {
-        match (&value.kind, self.kinds.kind_of(argument)) {
-            (_, ValueKind::Unknown) | (Type::Any | Type::Payload, _) => {}
-            (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(number)) => {
-                self.number(call, value, *bounds, argument, number);
+    fn fits(&mut self, passed: Passed<'a>, kind: ValueKind<'a>) {
+        let Passed { call, argument, .. } = passed;
+        match (&passed.value.kind, kind) {
+            (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(Some(number))) => {
+                self.number(passed, *bounds, number);
             }
-            (Type::Boolean, ValueKind::Boolean)
-            | (Type::Text(_), ValueKind::Text(_))
-            | (
-                Type::Roi | Type::Range | Type::Fields,
-                ValueKind::Table(_) | ValueKind::Object(_) | ValueKind::List(_),
-            ) => {}
-            (kind, ValueKind::Function(_) | ValueKind::Native(_)) if kind.is_function() => {}
-            (Type::Choice(choice), ValueKind::Text(text)) => {
-                self.name(call, choice, text, argument.span)
+            (Type::Choice(choice), ValueKind::Text(Some(text))) => {
+                let names = (choice.names)();
+                self.known(call, choice.what, text, &names, argument.span);
             }
-            (Type::Colours, kind) => self.colour(call, value, argument, kind),
+            (Type::Colours, kind) => self.colour(passed, kind),
             (Type::Options(keys), ValueKind::Table(table)) => self.options(call, keys, table),
-            (Type::Options(_), ValueKind::Object(_) | ValueKind::List(_)) => {}
             (Type::Named(keys), ValueKind::Table(table)) => {
-                let ExprKind::Table(entries) = &table.kind else {
-                    return;
-                };
-                for entry in entries {
+                for entry in table.entries() {
                     if let (Entry::Named(..), ValueKind::Table(one)) =
                         (entry, self.kinds.kind_of(entry.value()))
                     {
@@ -486,108 +413,58 @@ impl<'a> Walk<'a> {
                     }
                 }
             }
-            (Type::Object(wanted), ValueKind::Object(object)) if object.name == wanted.name => {}
-            (Type::Object(wanted), ValueKind::Table(_) | ValueKind::Object(_))
-                if !wanted.strict => {}
-            (Type::List(_), ValueKind::Table(_) | ValueKind::List(_)) => {}
-            (
-                Type::OneOrMore(_),
-                ValueKind::Table(_) | ValueKind::List(_) | ValueKind::Object(_),
-            ) => {}
-            (Type::Buffer, ValueKind::Object(_)) => {}
-            (_, kind) => {
-                let help = self.passing(value, argument, whole);
-                if let Some(diagnostic) = self.must_be(call, value.label(), value, argument, kind) {
-                    diagnostic.help = help;
-                }
-            }
+            (wanted, kind) if may_be(wanted, kind) => {}
+            (_, kind) => self.wrong_kind(passed, kind),
         }
     }
 
-    fn number(
-        &mut self,
-        call: &str,
-        value: &'static Value,
-        bounds: Option<Bounds>,
-        argument: &'a Expr,
-        number: Option<f64>,
-    ) {
-        let Some(number) = number else { return };
-        let name = value.name;
-        let wanted = match bounds.filter(|bounds| !bounds.contains(number)) {
-            Some(bounds) => bounds.describe(),
-            None if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 => {
-                "a whole number".to_owned()
-            }
-            None => return,
+    fn number(&mut self, passed: Passed<'a>, bounds: Option<Bounds>, number: f64) {
+        let is_whole = matches!(passed.value.kind, Type::Whole(_));
+        let wanted = match bounds {
+            Some(bounds) if !bounds.contains(number) => bounds.describe(),
+            _ if is_whole && number.fract() != 0.0 => "a whole number".to_owned(),
+            _ => return,
         };
-        let message = format!("{call}: {name} must be {wanted}, got {number}");
-        self.error(argument.span, message);
+        self.wrong(passed, &wanted, &number.to_string());
     }
 
     /// Reports a value of the wrong kind, if its kind is known.
-    fn must_be(
-        &mut self,
-        call: &str,
-        what: &str,
-        value: &'static Value,
-        argument: &'a Expr,
-        kind: ValueKind<'a>,
-    ) -> Option<&mut Diagnostic> {
-        let got = self.got(argument, kind)?;
-        let wanted = value.kind.describe();
-        let message = format!("{call}: {what} must be {wanted}, got {got}");
-        Some(self.error(argument.span, message))
-    }
-
-    /// Describes the value for messages: `true` and `false` literally.
-    fn got(&self, argument: &Expr, kind: ValueKind<'_>) -> Option<String> {
-        match argument.bare().kind {
+    fn wrong_kind(&mut self, passed: Passed<'a>, kind: ValueKind<'a>) {
+        let got = match passed.argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
             _ => kind.describe(),
+        };
+        if let Some(got) = got {
+            self.wrong(passed, &passed.value.kind.describe(), &got);
         }
     }
 
-    fn name(&mut self, call: &str, choice: &Choice, text: Option<&str>, span: Span) {
-        let names = (choice.names)();
-        let Some(text) = text.filter(|text| !names.contains(text)) else {
+    /// Reports a name that is none of the known ones.
+    fn known(&mut self, call: &str, what: &str, name: &str, known: &[&str], span: Span) {
+        if known.contains(&name) {
             return;
-        };
-        let near = self.near(text, names.iter().copied());
-        let text = crate::script::printable(text, 40);
-        let message = format!("{call}: unknown {} '{text}'{near}", choice.what);
-        self.error(span, message).help = Some(format!("known: {}", names.join(", ")));
+        }
+        let near = self.near(name, known.iter().copied());
+        let name = crate::script::printable(name, 40);
+        let message = format!("{call}: unknown {what} '{name}'{near}");
+        self.error(span, message, format!("known: {}", known.join(", ")));
     }
 
-    fn colour(
-        &mut self,
-        call: &str,
-        value: &'static Value,
-        argument: &'a Expr,
-        kind: ValueKind<'a>,
-    ) {
+    fn colour(&mut self, passed: Passed<'a>, kind: ValueKind<'a>) {
         match kind {
             ValueKind::Text(Some(text)) => {
-                let known: Vec<String> = self.context.colour_names();
-                if known.iter().any(|name| name == text) {
-                    return;
-                }
-                let near = self.near(text, known.iter().map(String::as_str));
-                let text = crate::script::printable(text, 40);
-                let message = format!("{call}: unknown colour '{text}'{near}");
-                self.error(argument.span, message).help =
-                    Some(format!("known: {}", known.join(", ")));
+                let own = self.context.colours.iter().map(String::as_str);
+                let known: Vec<&str> = own.chain(Colour::NAMES).collect();
+                self.known(passed.call, "colour", text, &known, passed.argument.span);
             }
             ValueKind::Table(table) => {
-                let ExprKind::Table(entries) = &table.kind else {
-                    return;
-                };
-                for entry in entries {
-                    if let Entry::Item(item) = entry {
-                        let kind = self.kinds.kind_of(item);
-                        if !matches!(kind, ValueKind::Table(_) | ValueKind::Nothing) {
-                            self.colour(call, value, item, kind);
-                        }
+                for entry in table.entries() {
+                    let Entry::Item(argument) = entry else {
+                        continue;
+                    };
+                    let kind = self.kinds.kind_of(argument);
+                    if !matches!(kind, ValueKind::Table(_) | ValueKind::Nothing) {
+                        self.colour(Passed { argument, ..passed }, kind);
                     }
                 }
             }
@@ -596,28 +473,23 @@ impl<'a> Walk<'a> {
             | ValueKind::Boolean
             | ValueKind::Function(_)
             | ValueKind::Native(_)
-            | ValueKind::Object(_) => {
-                self.must_be(call, value.name, value, argument, kind);
-            }
+            | ValueKind::Object(_) => self.wrong_kind(passed, kind),
             _ => {}
         }
     }
 
-    fn options(&mut self, call: &str, keys: &'static [Value], table: &'a Expr) {
-        let ExprKind::Table(entries) = &table.kind else {
-            return;
-        };
+    fn options(&mut self, call: &'static str, keys: &'static [Value], table: &'a Expr) {
+        let names: Vec<&str> = keys.iter().map(|key| key.name).collect();
         let mut given = Vec::new();
         let mut certain = true;
-        for entry in entries {
+        for entry in table.entries() {
             let (name, span) = match entry {
                 Entry::Named(name, span, _) => (name.as_str(), *span),
                 Entry::Item(item) => {
-                    let message = format!(
-                        "{call}: an option needs its name, such as {}",
-                        example(keys)
-                    );
-                    self.error(item.span, message);
+                    let first = names.first().copied().unwrap_or("name");
+                    let message =
+                        format!("{call}: an option needs its name, such as {{{first} = ...}}");
+                    self.error(item.span, message, "");
                     continue;
                 }
                 Entry::Keyed(key, _) => match self.kinds.kind_of(key) {
@@ -630,35 +502,47 @@ impl<'a> Walk<'a> {
             };
             given.push(name);
             match keys.iter().find(|key| key.name == name) {
-                Some(key) => self.argument(call, key, entry.value(), None),
-                None => self.unknown_option(call, keys, name, span),
+                Some(value) => self.argument(Passed {
+                    call,
+                    value,
+                    argument: entry.value(),
+                    whole: None,
+                }),
+                None => self.known(call, "option", name, &names, span),
             }
         }
         let missing = keys
             .iter()
-            .find(|key| key.requirement == Requirement::Required && !given.contains(&key.name));
+            .find(|key| key.is_required() && !given.contains(&key.name));
         if let Some(missing) = missing
             && certain
         {
             let message = format!("{call}: {} is missing{}", missing.name, must_be(missing));
-            self.error(table.span, message);
+            self.error(table.span, message, "");
         }
-    }
-
-    fn unknown_option(&mut self, call: &str, keys: &[Value], name: &str, span: Span) {
-        let known: Vec<_> = keys.iter().map(|key| key.name).collect();
-        let near = self.near(name, known.iter().copied());
-        let message = format!("{call}: unknown option '{name}'{near}");
-        self.error(span, message).help = Some(format!("known: {}", known.join(", ")));
     }
 }
 
-/// Whether an expression may yield several values, or none.
-fn is_open(argument: &Expr) -> bool {
-    matches!(
-        argument.kind,
-        ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
-    )
+/// Whether a value of this kind may be what a row wants.
+fn may_be(wanted: &Type, kind: ValueKind<'_>) -> bool {
+    use ValueKind as K;
+    match (wanted, kind) {
+        (_, K::Unknown) | (Type::Any | Type::Payload, _) => true,
+        (Type::Object(wanted), K::Object(object)) if object.name == wanted.name => true,
+        (Type::Object(wanted), K::Table(_) | K::Object(_)) => !wanted.strict,
+        (wanted, K::Function(_) | K::Native(_)) => wanted.is_function(),
+        (Type::Number(_) | Type::Whole(_), K::Number(_))
+        | (Type::Boolean, K::Boolean)
+        | (Type::Text(_) | Type::Choice(_), K::Text(_))
+        | (Type::Options(_) | Type::Buffer, K::Object(_))
+        | (Type::Options(_), K::List(_))
+        | (Type::List(_), K::Table(_) | K::List(_)) => true,
+        (
+            Type::Roi | Type::Range | Type::Fields | Type::OneOrMore(_),
+            K::Table(_) | K::Object(_) | K::List(_),
+        ) => true,
+        _ => false,
+    }
 }
 
 /// Says what a missing value must be; empty if it can be anything.
@@ -675,9 +559,4 @@ fn counted(count: usize) -> String {
         1 => "1 argument".to_owned(),
         many => format!("{many} arguments"),
     }
-}
-
-fn example(keys: &[Value]) -> String {
-    let key = keys.first().map_or("name", |key| key.name);
-    format!("{{{key} = ...}}")
 }

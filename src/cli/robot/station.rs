@@ -5,12 +5,11 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::SharedTargetArgs;
-use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, argument, block_on, print};
 use crate::control::{RunRequest, RunResponse};
-use crate::robot::{DockEnd, DockPlan};
+use crate::robot::{DockEnd, DockOutcome, DockPlan};
 
 /// Timeout for a run's reply, beyond the planned time.
 const SLACK: Duration = Duration::from_secs(60);
@@ -69,7 +68,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
                 attempts,
                 seconds,
             }) => {
-                let docked = Docked {
+                let docked = DockOutcome {
                     end,
                     attempts,
                     took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
@@ -90,7 +89,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     block_on(docking)?
 }
 
-fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
+fn show_docked(as_json: bool, docked: DockOutcome) -> Result<(), Failure> {
     let end = docked.end;
     let attempts = docked.attempts;
     let seconds = docked.took.as_secs_f64();

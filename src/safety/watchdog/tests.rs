@@ -171,7 +171,7 @@ fn ended(motion: u64, end: MotionEnd) -> Event {
 
 fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
     events(acts).into_iter().find_map(|event| match event {
-        Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
+        Event::DockEnded { outcome, .. } => Some((outcome.end, outcome.attempts)),
         _ => None,
     })
 }

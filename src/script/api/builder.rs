@@ -1,7 +1,7 @@
 //! Builds Lua tables from the rows of the API table and their native functions: each function is
 //! wrapped in its shim, and unknown names are errors.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
@@ -23,29 +23,47 @@ pub(super) struct Builder<'a> {
     pub(super) lua: &'a Lua,
     pub(super) shared: &'a Shared,
     pub(super) prelude: &'a Prelude,
+    natives: BTreeMap<&'static str, Native>,
 }
 
-impl Builder<'_> {
-    pub(super) fn prepare(&self) -> LuaResult<()> {
-        let shared = Rc::clone(self.shared);
-        let can_wait = self.lua.create_function(move |_, can: bool| {
-            let mut state = shared.borrow_mut();
+impl<'a> Builder<'a> {
+    /// Fails if a native function has no row in the API table.
+    pub(super) fn new(
+        lua: &'a Lua,
+        shared: &'a Shared,
+        prelude: &'a Prelude,
+        natives: &[&Natives],
+    ) -> LuaResult<Builder<'a>> {
+        let natives: BTreeMap<_, _> = natives.iter().copied().flatten().copied().collect();
+        if let Some(path) = natives.keys().find(|path| api::function(path).is_none()) {
+            return Err(unpaired(path));
+        }
+        let of_state = Rc::clone(shared);
+        let can_wait = lua.create_function(move |_, can: bool| {
+            let mut state = of_state.borrow_mut();
             Ok(std::mem::replace(&mut state.can_wait, can))
         })?;
-        self.prelude.function("use_can_wait")?.call(can_wait)
+        prelude.function("use_can_wait")?.call::<()>(can_wait)?;
+        Ok(Builder {
+            lua,
+            shared,
+            prelude,
+            natives,
+        })
     }
 
-    pub(super) fn namespace(
-        &self,
-        name: &'static str,
-        natives: &[&Natives],
-    ) -> LuaResult<LuaTable> {
+    pub(super) fn namespace(&self, name: &'static str) -> LuaResult<LuaTable> {
         let table = self.lua.create_table()?;
-        let rows = api::namespace(name).map_or(&[][..], |namespace| namespace.functions);
-        for (row, native) in paired(name, rows, natives)? {
-            table.raw_set(row.key(), self.function(row, native)?)?;
+        for row in api::namespace(name).map_or(&[][..], |namespace| namespace.functions) {
+            table.raw_set(row.key(), self.native_of(row)?)?;
         }
         Ok(table)
+    }
+
+    /// The native function of a row. Fails if there is none.
+    fn native_of(&self, row: &'static Function) -> LuaResult<LuaFunction> {
+        let native = self.natives.get(row.path);
+        self.function(row, *native.ok_or_else(|| unpaired(row.path))?)
     }
 
     /// Registers the type of a kind of script objects: its methods, its fields, and errors for
@@ -53,13 +71,12 @@ impl Builder<'_> {
     pub(super) fn object<T: 'static>(
         &self,
         name: &'static str,
-        natives: &[&Natives],
         more: impl FnOnce(&mut UserDataRegistry<T>),
     ) -> LuaResult<()> {
         let object = api::object(name).ok_or_else(|| unpaired(name))?;
         let mut methods = Vec::new();
-        for (row, native) in paired(name, object.methods, natives)? {
-            methods.push((row.key(), self.function(row, native)?));
+        for row in object.methods {
+            methods.push((row.key(), self.native_of(row)?));
         }
         let members = move |_: &Lua, _: &str| {
             let members = object.members().into_iter();
@@ -123,7 +140,7 @@ impl Builder<'_> {
                     native(&mut Call {
                         lua,
                         state: &mut state,
-                        args: Args { function, values },
+                        args: Args::new(function, values),
                         yieldable,
                     })
                 }));
@@ -173,28 +190,9 @@ impl Builder<'_> {
     }
 }
 
-/// Pairs each row with its native function.
-fn paired(
-    owner: &str,
-    rows: &'static [Function],
-    natives: &[&Natives],
-) -> LuaResult<Vec<(&'static Function, Native)>> {
-    let natives: Vec<_> = natives.iter().copied().flatten().collect();
-    let pair = |row: &'static Function| {
-        let found = natives.iter().find(|(path, _)| *path == row.path);
-        found.map(|(_, native)| (row, *native))
-    };
-    let pairs: Vec<_> = rows.iter().filter_map(pair).collect();
-    if pairs.len() == rows.len() && pairs.len() == natives.len() {
-        Ok(pairs)
-    } else {
-        Err(unpaired(owner))
-    }
-}
-
-fn unpaired(owner: &str) -> LuaError {
+fn unpaired(path: &str) -> LuaError {
     LuaError::runtime(format!(
-        "the native functions of '{owner}' do not match the rows of the API table"
+        "'{path}' is not both a native function and a row of the API table"
     ))
 }
 
@@ -216,7 +214,7 @@ fn has_fields(object: &str, table: &LuaTable) -> bool {
     });
     let has = |field: &api::Value| {
         let value = table.raw_get::<LuaValue>(field.name);
-        field.requirement != api::Requirement::Required || value.is_ok_and(|value| !value.is_nil())
+        !field.is_required() || value.is_ok_and(|value| !value.is_nil())
     };
     visited.is_ok() && known && object.fields.iter().all(has)
 }

@@ -9,8 +9,8 @@ use mlua::prelude::{IntoLuaMulti, Lua, LuaError, LuaMultiValue, LuaResult, LuaTa
 use super::super::arguments::describe;
 use super::super::events::{EventName, Payload};
 use super::super::failure::printable;
-use super::super::sound;
 use super::super::state::CANCELLED;
+use super::super::streams::audio_to_lua;
 use super::super::task::{Status, Wakeup};
 use super::{frame, of_row};
 use crate::api;
@@ -135,7 +135,7 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
             return battery_table(lua, *battery, Duration::ZERO);
         }
         Event::Charging { on } => table.raw_set("on", *on)?,
-        Event::Audio(samples) => return sound::to_lua(lua, samples),
+        Event::Audio(samples) => return audio_to_lua(lua, samples),
         Event::Safety { action, reason } => {
             table.raw_set("action", action.name())?;
             table.raw_set("reason", reason.as_str())?;
@@ -184,17 +184,13 @@ fn returned(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
         Wakeup::NoEvent => (LuaValue::Nil, "timeout").into_lua_multi(lua),
         Wakeup::Refused(code) => (false, code).into_lua_multi(lua),
         Wakeup::Motion(end) => (end == MotionEnd::Done, end.name()).into_lua_multi(lua),
-        Wakeup::Dock {
-            end,
-            attempts,
-            took,
-        } => {
+        Wakeup::Dock(outcome) => {
             let info = lua.create_table_with_capacity(0, 2)?;
-            info.raw_set("attempts", attempts)?;
-            info.raw_set("seconds", took.as_secs_f64())?;
+            info.raw_set("attempts", outcome.attempts)?;
+            info.raw_set("seconds", outcome.took.as_secs_f64())?;
             let info = of_row("DockInfo", info);
-            let docked = matches!(end, DockEnd::Done | DockEnd::AlreadyDocked);
-            (docked, end.name(), info).into_lua_multi(lua)
+            let docked = matches!(outcome.end, DockEnd::Done | DockEnd::AlreadyDocked);
+            (docked, outcome.end.name(), info).into_lua_multi(lua)
         }
         Wakeup::Undock(end) => {
             let undocked = matches!(end, DockEnd::Done | DockEnd::NotDocked);

@@ -14,16 +14,46 @@ use super::super::frame_state::{HeldFrame, LabelledBlob};
 use super::super::output::{Level, Output};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
-use super::{Builder, Call, NativeResult, Natives, events, of_row};
+use super::{Builder, Call, NativeResult, Natives, of_row, robot};
 use crate::api::PIXELS;
 use crate::robot::HostReport;
 use crate::vision::{
-    Blob, BlobOptions, Direction, Image, Line, Roi, Size, brightness, find_qrcodes, sharpness,
+    Blob, BlobOptions, Camera, Direction, Image, Line, Roi, Size, brightness, find_qrcodes,
+    sharpness,
 };
 
-pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
-
-pub(super) const METHODS: &Natives = &[("Frame:save", save)];
+pub(super) const NATIVES: &Natives = &[
+    ("robot.frame", newest),
+    ("robot.wait_frame", wait_frame),
+    ("Frame:save", save),
+    ("Frame:find_blobs", blobs),
+    ("Frame:find_line", line),
+    ("Frame:find_qrcodes", qrcodes),
+    ("Frame:brightness", |call| measure(call, brightness)),
+    ("Frame:sharpness", |call| measure(call, sharpness)),
+    ("Frame:get_pixel", pixel),
+    // All are nil in a damaged picture.
+    // `bearing, elevation`
+    ("Frame:direction", |call| {
+        convert_point(call, |camera, x, y, size| {
+            let seen = camera.direction(x, y, size);
+            Some((seen.bearing, seen.elevation))
+        })
+    }),
+    // `ahead, left`, or nil above the horizon
+    ("Frame:floor_position", |call| {
+        convert_point(call, |camera, x, y, size| {
+            let place = camera.floor_position(x, y, size)?;
+            Some((place.ahead, place.left))
+        })
+    }),
+    // `x, y`, or nil for a direction that is not in front of the camera
+    ("Frame:pixel_at", |call| {
+        convert_point(call, |camera, bearing, elevation, size| {
+            camera.pixel(Direction { bearing, elevation }, size)
+        })
+    }),
+];
 
 /// `robot.frame` does not return older frames, since the stream has stopped then.
 const STALE: Duration = Duration::from_secs(1);
@@ -51,9 +81,9 @@ impl Argument for Rc<HeldFrame> {
     }
 }
 
-pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult<()> {
+pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
-    builder.object::<Rc<HeldFrame>>("Frame", natives, |registry| {
+    builder.object::<Rc<HeldFrame>>("Frame", |registry| {
         registry.add_field_method_get("seq", |_, held| Ok(held.frame.seq));
         registry.add_field_method_get("bytes", |_, held| Ok(held.frame.jpeg.len()));
         registry.add_field_method_get("width", |_, held| Ok(held.size.width));
@@ -72,23 +102,19 @@ pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult
 
 /// `robot.frame()`: the newest frame, or nil.
 fn newest(call: &mut Call<'_>) -> NativeResult {
-    events::listen(call, EventName::Frame);
+    robot::listen(call, EventName::Frame);
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
-    match call.state.frames.newest.as_ref().filter(fresh) {
-        Some(held) => {
-            let object = to_lua(call.lua, held)?;
-            call.reply(object)
-        }
-        None => call.reply(LuaValue::Nil),
-    }
+    let held = call.state.frames.newest.as_ref().filter(fresh);
+    let object = held.map(|held| to_lua(call.lua, held)).transpose()?;
+    call.reply(object)
 }
 
 /// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A truncated frame is ignored,
 /// here and for `frame` handlers.
 fn wait_frame(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(0)?;
-    events::wait_for_event(call, EventName::Frame, time)
+    robot::wait_for_event(call, EventName::Frame, time)
 }
 
 /// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
@@ -122,15 +148,6 @@ fn save(call: &mut Call<'_>) -> NativeResult {
         }
     }
 }
-
-pub(super) const EXAMINE: &Natives = &[
-    ("Frame:find_blobs", blobs),
-    ("Frame:find_line", line),
-    ("Frame:find_qrcodes", qrcodes),
-    ("Frame:brightness", |call| measure(call, brightness)),
-    ("Frame:sharpness", |call| measure(call, sharpness)),
-    ("Frame:get_pixel", pixel),
-];
 
 fn blobs(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
@@ -323,54 +340,19 @@ fn pixel(call: &mut Call<'_>) -> NativeResult {
     }
 }
 
-pub(super) const GEOMETRY: &Natives = &[
-    ("Frame:direction", direction),
-    ("Frame:floor_position", floor_position),
-    ("Frame:pixel_at", pixel_at),
-];
-
-/// `frame:direction(x, y)`: `bearing, elevation`, or nil in a damaged picture.
-fn direction(call: &mut Call<'_>) -> NativeResult {
-    let x = call.args.get(0)?;
-    let y = call.args.get(1)?;
-    let Some(size) = size(call)? else {
-        return call.reply(LuaValue::Nil);
-    };
-    let seen = call.state.options.camera.direction(x, y, size);
-    call.reply((seen.bearing, seen.elevation))
-}
-
-/// `frame:floor_position(x, y)`: `ahead, left`, or nil above the horizon or in a damaged picture.
-fn floor_position(call: &mut Call<'_>) -> NativeResult {
-    let x = call.args.get(0)?;
-    let y = call.args.get(1)?;
-    let Some(size) = size(call)? else {
-        return call.reply(LuaValue::Nil);
-    };
-    match call.state.options.camera.floor_position(x, y, size) {
-        Some(place) => call.reply((place.ahead, place.left)),
-        None => call.reply(LuaValue::Nil),
-    }
-}
-
-/// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the
-/// camera.
-fn pixel_at(call: &mut Call<'_>) -> NativeResult {
-    let bearing = call.args.get(0)?;
-    let elevation = call.args.get(1)?;
-    let Some(size) = size(call)? else {
-        return call.reply(LuaValue::Nil);
-    };
-    let direction = Direction { bearing, elevation };
-    match call.state.options.camera.pixel(direction, size) {
-        Some((x, y)) => call.reply((x, y)),
-        None => call.reply(LuaValue::Nil),
-    }
-}
-
-fn size(call: &mut Call<'_>) -> Result<Option<Size>, Refusal> {
+fn convert_point(
+    call: &mut Call<'_>,
+    convert: fn(Camera, f64, f64, Size) -> Option<(f64, f64)>,
+) -> NativeResult {
+    let first = call.args.get(0)?;
+    let second = call.args.get(1)?;
     let held = receiver(call)?;
-    Ok(call.state.image(&held).map(|image| image.size()))
+    let size = call.state.image(&held).map(Image::size);
+    let camera = call.state.options.camera;
+    match size.and_then(|size| convert(camera, first, second, size)) {
+        Some(converted) => call.reply(converted),
+        None => call.reply(LuaValue::Nil),
+    }
 }
 
 #[cfg(test)]

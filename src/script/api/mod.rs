@@ -4,7 +4,6 @@
 
 mod builder;
 mod convert;
-mod events;
 mod frame;
 mod modules;
 mod motion;
@@ -12,7 +11,6 @@ mod params;
 mod robot;
 mod scenario;
 mod script;
-mod store;
 mod tasks;
 mod vision;
 
@@ -157,6 +155,17 @@ impl Call<'_> {
     }
 }
 
+const NATIVES: &[&Natives] = &[
+    frame::NATIVES,
+    modules::NATIVES,
+    motion::NATIVES,
+    params::NATIVES,
+    robot::NATIVES,
+    script::NATIVES,
+    tasks::NATIVES,
+    vision::NATIVES,
+];
+
 pub(super) enum ApiSet {
     Robot,
     Scenario(Rc<dyn ScenarioApi>),
@@ -164,28 +173,23 @@ pub(super) enum ApiSet {
 
 pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
     let prelude = Prelude::run(lua, location_function(lua)?)?;
-    let builder = Builder {
-        lua,
-        shared,
-        prelude: &prelude,
-    };
-    builder.prepare()?;
-    objects(&builder)?;
+    let builder = Builder::new(lua, shared, &prelude, NATIVES)?;
+    tasks::register_handle(&builder)?;
+    robot::register_subscription(&builder)?;
+    frame::register(&builder)?;
+    vision::register(&builder)?;
     let mut tables = vec![
         ("script", script::namespace(&builder)?),
-        ("log", builder.namespace("log", &[script::LOG])?),
-        ("clock", builder.namespace("clock", &[script::CLOCK])?),
+        ("log", builder.namespace("log")?),
+        ("clock", builder.namespace("clock")?),
         ("task", tasks::namespace(&builder)?),
     ];
     if let ApiSet::Robot = api_set {
-        tables.extend([
-            ("robot", robot::namespace(&builder)?),
-            ("vision", builder.namespace("vision", &[vision::CALLS])?),
-            ("params", params::namespace(&builder)?),
-            ("store", builder.namespace("store", &[store::CALLS])?),
-            ("journal", builder.namespace("journal", &[store::JOURNAL])?),
-            ("notify", builder.namespace("notify", &[store::NOTIFY])?),
-        ]);
+        tables.push(("robot", robot::namespace(&builder)?));
+        tables.push(("params", params::namespace(&builder)?));
+        for name in ["vision", "store", "journal", "notify"] {
+            tables.push((name, builder.namespace(name)?));
+        }
     }
     for (name, table) in tables {
         builder.close(name, table)?;
@@ -200,15 +204,8 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
     sandbox::close(lua, builder.strict("")?, memory)
 }
 
-fn objects(builder: &Builder<'_>) -> LuaResult<()> {
-    tasks::register_handle(builder)?;
-    events::register_handle(builder)?;
-    frame::register(builder, &[frame::METHODS, frame::GEOMETRY, frame::EXAMINE])?;
-    vision::register(builder)
-}
-
 fn globals(builder: &Builder<'_>) -> LuaResult<()> {
-    let table = builder.namespace("", &[script::PRINT, modules::REQUIRE])?;
+    let table = builder.namespace("")?;
     modules::wrap(builder, &table)?;
     table.for_each(|name: LuaValue, function: LuaValue| {
         builder.lua.globals().raw_set(name, function)
@@ -217,16 +214,14 @@ fn globals(builder: &Builder<'_>) -> LuaResult<()> {
 
 /// The innermost line of the script itself.
 fn location(lua: &Lua) -> Option<SourceLocation> {
-    (0..64)
-        .map_while(|level| {
-            lua.inspect_stack(level, |frame| {
-                let file = frame.source().short_src?.into_owned();
-                let line = u32::try_from(frame.current_line()?).ok()?;
-                (!is_runtime_frame(&file)).then_some(SourceLocation { file, line })
-            })
+    let of_script = |level| {
+        lua.inspect_stack(level, |frame| {
+            let file = frame.source().source?.strip_prefix('=')?.to_owned();
+            let line = u32::try_from(frame.current_line()?).ok()?;
+            (!is_runtime_frame(&file)).then_some(SourceLocation { file, line })
         })
-        .flatten()
-        .next()
+    };
+    (0..64).map_while(of_script).flatten().next()
 }
 
 /// Creates the prelude's function `location()`, which returns `file:line: ` or an empty text.

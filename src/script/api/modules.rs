@@ -6,7 +6,7 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe_key};
 use super::super::events::EventName;
-use super::super::failure::{VmError, is_runtime_frame, printable};
+use super::super::failure::{VmError, printable};
 use super::super::modules::{Progress, Target, resolve};
 use super::super::output::Output;
 use super::super::sandbox;
@@ -14,8 +14,10 @@ use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
-/// The first half of `require`; the other half is in the prelude.
-pub(super) const REQUIRE: &Natives = &[("require", open)];
+pub(super) const NATIVES: &Natives = &[
+    // The first half of `require`; the other half is in the prelude.
+    ("require", open),
+];
 
 /// Wraps the native function, in the table of globals, in the prelude's half.
 pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
@@ -91,21 +93,9 @@ fn location(function: &LuaFunction) -> (Option<String>, Option<usize>) {
     (name.map(|name| printable(&name, 40)), about.line_defined)
 }
 
-/// The chunk of the innermost line that belongs to the script.
-fn importer(lua: &Lua) -> Option<String> {
-    let source = |level| {
-        lua.inspect_stack(level, |frame| {
-            let source = frame.source().source?.into_owned();
-            let name = source.strip_prefix('=')?.to_owned();
-            (frame.current_line().is_some() && !is_runtime_frame(&name)).then_some(name)
-        })
-    };
-    (0..64).map_while(source).flatten().next()
-}
-
 fn requiring_module(call: &Call<'_>) -> ModuleId {
-    let chunk = importer(call.lua).unwrap_or_default();
-    call.state.modules.of_chunk(&chunk)
+    let file = super::location(call.lua).map(|at| at.file);
+    call.state.modules.of_chunk(&file.unwrap_or_default())
 }
 
 /// The first half of `require(path)`. Returns `"loaded", key`; `"run", key, function`; `"failed",

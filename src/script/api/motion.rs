@@ -10,7 +10,7 @@ use super::{Call, NativeResult, Natives, of_row};
 use crate::api::LONGEST_DRIVE;
 use crate::robot::{DockPlan, Intent, MotionEnd, Setpoint};
 
-pub(super) const CALLS: &Natives = &[
+pub(super) const NATIVES: &Natives = &[
     ("robot.move", move_tracks),
     ("robot.drive", drive),
     ("robot.forward", forward),
@@ -21,6 +21,9 @@ pub(super) const CALLS: &Natives = &[
         call.state.odometry.reset();
         call.reply(())
     }),
+    ("robot.dock", dock),
+    ("robot.undock", undock),
+    ("robot.cancel_dock", cancel_dock),
 ];
 
 /// Default speed of `forward` and `turn`, as a share of full speed.
@@ -201,12 +204,6 @@ fn pose(call: &mut Call<'_>) -> NativeResult {
     table.raw_set("heading_error", pose.heading_error)?;
     call.reply(of_row("PoseEstimate", table))
 }
-
-pub(super) const DOCK: &Natives = &[
-    ("robot.dock", dock),
-    ("robot.undock", undock),
-    ("robot.cancel_dock", cancel_dock),
-];
 
 /// `robot.dock{timeout=180, retries=2, charge_timeout=30}` returns `ok, code, {attempts, seconds}`.
 fn dock(call: &mut Call<'_>) -> NativeResult {

@@ -3,17 +3,18 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{Lua, LuaError, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Refusal, describe, describe_key};
+use super::super::arguments::{Args, Refusal, describe};
 use super::super::budget;
-use super::super::declaration::{self, Declaration, ParamValue};
-use super::super::failure::{printable, suggestion};
+use super::super::declaration::{self, ParamValue, check_declaration};
+use super::super::failure::printable;
 use super::super::state::State;
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::Type;
+use crate::robot::DeclaredParam;
 
-const CALLS: &Natives = &[("params.declare", declare)];
+pub(super) const NATIVES: &Natives = &[("params.declare", declare)];
 
 /// Largest number of parameters of one script, and of choices of one parameter.
 const MAX_PARAMS: usize = 64;
@@ -24,16 +25,19 @@ const VALUES: &str = "spykee.params.values";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
-    let names = move |_: &Lua, _: &str| shared.borrow().params.names.clone().unwrap_or_default();
+    let names = move |_: &Lua, _: &str| {
+        let declared = &shared.borrow().params.declared;
+        declared.iter().flat_map(BTreeMap::keys).cloned().collect()
+    };
     let strict = builder.strict_with("params", names)?;
     builder.lua.set_named_registry_value(STRICT, strict)?;
-    builder.namespace("params", &[CALLS])
+    builder.namespace("params")
 }
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
 /// values.
 fn declare(call: &mut Call<'_>) -> NativeResult {
-    if call.state.params.names.is_some() {
+    if call.state.params.declared.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
     }
@@ -41,27 +45,19 @@ fn declare(call: &mut Call<'_>) -> NativeResult {
         let words = "it needs a table, such as {speed = {default = 40, min = 10, max = 100}}";
         return Err(call.args.misuse(words));
     };
-    let declared = declarations(call, &table)?;
-    call.state.params.names = Some(declared.keys().cloned().collect());
-    let given = &call.state.options.params;
-    match declaration::param_values(&declared, given) {
-        Ok(values) => {
-            let table = to_lua(call.lua, &values)?;
-            call.lua.set_named_registry_value(VALUES, &table)?;
-            let all = declared.into_iter().zip(values.into_values());
-            call.state.params.all = all
-                .map(|((name, declaration), value)| (name, (declaration, value)))
-                .collect();
-            call.state.show_params();
-            call.reply(table)
-        }
-        Err(error) => {
-            // A pcall must not continue with a refused value.
-            call.state.params.refused = Some(error.to_string());
-            budget::latch_stopped();
-            call.reply(())
-        }
+    let mut declared = declarations(call, &table)?;
+    let set = declaration::set_given(&mut declared, &call.state.options.params);
+    let table = to_lua(call.lua, declared.values())?;
+    call.state.params.declared = Some(declared);
+    if let Err(error) = set {
+        // A pcall must not continue with a refused value.
+        call.state.params.refused = Some(error.to_string());
+        budget::latch_stopped();
+        return call.reply(());
     }
+    call.lua.set_named_registry_value(VALUES, &table)?;
+    call.state.show_params();
+    call.reply(table)
 }
 
 fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
@@ -91,15 +87,16 @@ pub(in crate::script) fn set_live(
     name: &str,
     value: ParamValue,
 ) -> Result<(), SetParamError> {
-    let Some((declaration, current)) = state.params.all.get_mut(name) else {
+    let declared = state.params.declared.as_mut();
+    let Some(declared) = declared.and_then(|declared| declared.get_mut(name)) else {
         return Err(SetParamError::Undeclared(printable(name, 60)));
     };
-    if !declaration.live {
+    if !declared.live {
         return Err(SetParamError::Fixed(name.to_owned()));
     }
-    if !declaration.allows(&value) {
+    if !declared.allows(&value) {
         let name = name.to_owned();
-        let expected = declaration.expected();
+        let expected = declared.expected();
         return Err(SetParamError::Refused { name, expected });
     }
     let changed = lua
@@ -114,16 +111,16 @@ pub(in crate::script) fn set_live(
         name: name.to_owned(),
         source,
     })?;
-    *current = value;
+    declared.value = value;
     state.show_params();
     Ok(())
 }
 
 /// Creates the read-only table of values, with an error for unknown names.
-fn to_lua(lua: &Lua, values: &BTreeMap<String, ParamValue>) -> LuaResult<LuaTable> {
+fn to_lua<'a>(lua: &Lua, declared: impl Iterator<Item = &'a DeclaredParam>) -> LuaResult<LuaTable> {
     let table = lua.create_table()?;
-    for (name, value) in values {
-        set(&table, name, value)?;
+    for one in declared {
+        set(&table, &one.name, &one.value)?;
     }
     let meta = lua.create_table()?;
     let strict: LuaFunction = lua.named_registry_value(STRICT)?;
@@ -138,7 +135,7 @@ fn to_lua(lua: &Lua, values: &BTreeMap<String, ParamValue>) -> LuaResult<LuaTabl
 fn declarations(
     call: &Call<'_>,
     table: &LuaTable,
-) -> Result<BTreeMap<String, Declaration>, Refusal> {
+) -> Result<BTreeMap<String, DeclaredParam>, Refusal> {
     let mut declared = BTreeMap::new();
     for (key, value) in pairs(call, table, "the table")? {
         let LuaValue::String(key) = &key else {
@@ -154,9 +151,7 @@ fn declarations(
             let words = format!("{name} must be a table, such as {{default = 40}}");
             return Err(call.args.misuse(&words));
         };
-        let reader = ParamReader { call, name: &name };
-        let declaration = reader.read(&about)?;
-        declared.insert(name, declaration);
+        declared.insert(name.clone(), declaration(call, name, about)?);
     }
     Ok(declared)
 }
@@ -187,126 +182,71 @@ fn is_name(text: &str) -> bool {
     text.starts_with(is_start) && text.chars().all(|c| is_start(c) || c.is_ascii_digit())
 }
 
-struct ParamReader<'a> {
-    call: &'a Call<'a>,
-    name: &'a str,
+/// Reads what is declared of one parameter.
+fn declaration(call: &Call<'_>, name: String, about: LuaTable) -> Result<DeclaredParam, Refusal> {
+    let args = Args {
+        function: call.args.function,
+        values: LuaMultiValue::new(),
+        within: format!("{name}: "),
+    };
+    let keys = match args.function.parameters.first().map(|row| row.kind) {
+        Some(Type::Named(keys)) => keys,
+        _ => &[],
+    };
+    let table = args.table(Some(about), keys)?;
+    let text = |key: &str| -> Result<Option<String>, Refusal> {
+        let text: Option<String> = table.get(key)?;
+        Ok(text.map(|text| printable(&text, LONGEST)))
+    };
+    let declared = DeclaredParam {
+        name,
+        value: match table.value("default")? {
+            LuaValue::Boolean(value) => ParamValue::Boolean(value),
+            LuaValue::Integer(value) => ParamValue::Number(value as f64),
+            LuaValue::Number(value) => ParamValue::Number(value),
+            LuaValue::Nil => return Err(args.misuse("default is missing")),
+            other => ParamValue::Text(short_text(&args, "default", &other)?),
+        },
+        min: table.get("min")?,
+        max: table.get("max")?,
+        unit: text("unit")?,
+        choices: choices(call, &args, &table.value("choices")?)?,
+        live: table.get::<Option<bool>>("live")?.unwrap_or_default(),
+        doc: text("doc")?.unwrap_or_default(),
+    };
+    check_declaration(&declared).map_err(|error| args.misuse(&error.to_string()))?;
+    Ok(declared)
 }
 
-impl ParamReader<'_> {
-    fn wrong(&self, words: &str) -> Refusal {
-        self.call.args.misuse(&format!("{}: {words}", self.name))
-    }
-
-    fn read(&self, table: &LuaTable) -> Result<Declaration, Refusal> {
-        self.check_keys(table)?;
-        let default = match table.raw_get("default")? {
-            LuaValue::Boolean(value) => ParamValue::Boolean(value),
-            LuaValue::String(_) => {
-                ParamValue::Text(self.text(table, "default")?.unwrap_or_default())
-            }
-            LuaValue::Nil => return Err(self.wrong("default is missing")),
-            _ => ParamValue::Number(self.number(table, "default")?.unwrap_or_default()),
-        };
-        let declaration = Declaration {
-            min: self.number(table, "min")?,
-            max: self.number(table, "max")?,
-            unit: self.text(table, "unit")?,
-            choices: self.choices(table)?,
-            default,
-            live: self.boolean(table, "live")?,
-            doc: self.text(table, "doc")?.unwrap_or_default(),
-        };
-        declaration
-            .check()
-            .map_err(|error| self.wrong(&error.to_string()))?;
-        Ok(declaration)
-    }
-
-    fn keys(&self) -> Vec<&'static str> {
-        let row = self.call.args.function.parameters.first();
-        match row.map(|row| row.kind) {
-            Some(Type::Named(keys)) => keys.iter().map(|key| key.name).collect(),
-            _ => Vec::new(),
+fn short_text(args: &Args, key: &str, value: &LuaValue) -> Result<String, Refusal> {
+    match value {
+        LuaValue::String(text) if text.as_bytes().len() <= LONGEST => {
+            Ok(printable(&text.to_string_lossy(), LONGEST))
+        }
+        LuaValue::String(_) => {
+            Err(args.misuse(&format!("{key} is too long: at most {LONGEST} bytes")))
+        }
+        other => {
+            let got = describe(other);
+            Err(args.misuse(&format!("{key} must be a text, got {got}")))
         }
     }
+}
 
-    fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
-        for (key, _) in pairs(self.call, table, self.name)? {
-            let text = describe_key(&key);
-            let keys = self.keys();
-            if !keys.contains(&text.as_str()) {
-                let near = suggestion(&text, keys.iter().copied());
-                let known = keys.join(", ");
-                return Err(self.wrong(&format!("unknown key '{text}'{near} (known: {known})")));
-            }
+fn choices(call: &Call<'_>, args: &Args, value: &LuaValue) -> Result<Vec<String>, Refusal> {
+    let list = match value {
+        LuaValue::Nil => return Ok(Vec::new()),
+        LuaValue::Table(list) => pairs(call, list, "choices")?,
+        other => {
+            let got = describe(other);
+            return Err(args.misuse(&format!("choices must be a list of texts, got {got}")));
         }
-        Ok(())
+    };
+    if list.is_empty() {
+        return Err(args.misuse("choices must have at least one text"));
     }
-
-    fn number(&self, table: &LuaTable, key: &str) -> Result<Option<f64>, Refusal> {
-        let number = match table.raw_get(key)? {
-            LuaValue::Nil => return Ok(None),
-            LuaValue::Integer(number) => number as f64,
-            LuaValue::Number(number) => number,
-            other => {
-                let words = format!("{key} must be a number, got {}", describe(&other));
-                return Err(self.wrong(&words));
-            }
-        };
-        if number.is_finite() {
-            return Ok(Some(number));
-        }
-        Err(self.wrong(&format!("{key} must be a finite number, got {number}")))
-    }
-
-    fn boolean(&self, table: &LuaTable, key: &str) -> Result<bool, Refusal> {
-        match table.raw_get(key)? {
-            LuaValue::Nil => Ok(false),
-            LuaValue::Boolean(value) => Ok(value),
-            other => {
-                let words = format!("{key} must be true or false, got {}", describe(&other));
-                Err(self.wrong(&words))
-            }
-        }
-    }
-
-    fn text(&self, table: &LuaTable, key: &str) -> Result<Option<String>, Refusal> {
-        match table.raw_get(key)? {
-            LuaValue::Nil => Ok(None),
-            value => self.as_text(&value, key).map(Some),
-        }
-    }
-
-    fn as_text(&self, value: &LuaValue, key: &str) -> Result<String, Refusal> {
-        let text = match value {
-            LuaValue::String(text) if text.as_bytes().len() <= LONGEST => text,
-            LuaValue::String(_) => {
-                return Err(self.wrong(&format!("{key} is too long: at most {LONGEST} bytes")));
-            }
-            other => {
-                let words = format!("{key} must be a text, got {}", describe(other));
-                return Err(self.wrong(&words));
-            }
-        };
-        Ok(printable(&text.to_string_lossy(), LONGEST))
-    }
-
-    fn choices(&self, table: &LuaTable) -> Result<Vec<String>, Refusal> {
-        let list = match table.raw_get("choices")? {
-            LuaValue::Nil => return Ok(Vec::new()),
-            LuaValue::Table(list) => list,
-            other => {
-                let words = format!("choices must be a list of texts, got {}", describe(&other));
-                return Err(self.wrong(&words));
-            }
-        };
-        let choices = pairs(self.call, &list, "choices")?;
-        if choices.is_empty() {
-            return Err(self.wrong("choices must have at least one text"));
-        }
-        let texts = choices
-            .iter()
-            .map(|(_, value)| self.as_text(value, "a choice"));
-        texts.collect()
-    }
+    let texts = list
+        .iter()
+        .map(|(_, value)| short_text(args, "a choice", value));
+    texts.collect()
 }

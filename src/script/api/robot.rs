@@ -1,15 +1,19 @@
-//! `robot.*`: lights, sounds, streams and state; the namespace as a whole.
+//! `robot.*`: lights, sounds, streams, state and events; the namespace as a whole.
 
 use std::time::Duration;
 
 use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::{Builder, Call, NativeResult, Natives, convert, events, frame, motion, of_row, tasks};
+use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
+use super::super::output::Level;
+use super::super::streams::Demand;
+use super::super::task::{SubscriptionId, Wait};
+use super::{Builder, Call, NativeResult, Natives, convert, of_row, tasks};
 use crate::robot::{Intent, Percent, Use};
 use crate::wire::{Led, Stream};
 
-const CALLS: &Natives = &[
+pub(super) const NATIVES: &Natives = &[
     ("robot.led", led),
     ("robot.blink", blink),
     ("robot.play", play),
@@ -23,6 +27,10 @@ const CALLS: &Natives = &[
         call.reply(call.state.robot.connected)
     }),
     ("robot.info", info),
+    ("robot.on", on),
+    ("robot.once", once),
+    ("robot.wait_for", wait_for),
+    ("Subscription:off", off),
 ];
 
 /// The longest speech of one call, in bytes: the largest payload of one message to the robot.
@@ -32,14 +40,7 @@ const MAX_SPEECH: usize = crate::wire::MAX_PAYLOAD_LEN;
 const BLINKER: &str = "spykee.blinker";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
-    let parts = [
-        CALLS,
-        motion::CALLS,
-        motion::DOCK,
-        events::CALLS,
-        frame::CALLS,
-    ];
-    let table = builder.namespace("robot", &parts)?;
+    let table = builder.namespace("robot")?;
     let (led, wait): (LuaFunction, _) = (table.raw_get("led")?, tasks::wait_function(builder)?);
     let blinker: LuaFunction = builder.prelude.function("blinker")?.call((led, wait))?;
     builder.lua.set_named_registry_value(BLINKER, blinker)?;
@@ -140,12 +141,11 @@ fn stream(call: &mut Call<'_>) -> NativeResult {
 
 /// `robot.battery()`: nil before the first report.
 fn battery(call: &mut Call<'_>) -> NativeResult {
-    let Some((battery, at)) = call.state.robot.battery else {
-        return call.reply(LuaValue::Nil);
-    };
-    let age: Duration = call.state.now.saturating_duration_since(at);
-    let table = convert::battery_table(call.lua, battery, age)?;
-    call.reply(table)
+    let table = call.state.robot.battery.map(|(battery, at)| {
+        let age = call.state.now.saturating_duration_since(at);
+        convert::battery_table(call.lua, battery, age)
+    });
+    call.reply(table.transpose()?)
 }
 
 /// `robot.info()`: nil before the first connection.
@@ -160,4 +160,90 @@ fn info(call: &mut Call<'_>) -> NativeResult {
     table.raw_set("address", info.address.as_str())?;
     table.raw_set("simulated", info.simulated)?;
     call.reply(of_row("Info", table))
+}
+
+struct SubscriptionObject(SubscriptionId);
+
+pub(super) fn register_subscription(builder: &Builder<'_>) -> LuaResult<()> {
+    builder.object::<SubscriptionObject>("Subscription", |_| {})
+}
+
+impl Argument for EventName {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(EventName::from_name)
+    }
+}
+
+fn on(call: &mut Call<'_>) -> NativeResult {
+    let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
+    let options = call.args.options(2)?;
+    let rate: Option<f64> = options.get("rate")?;
+    subscription.interval = rate.map(|rate| Duration::from_secs_f64(1.0 / rate));
+    if let Some(queue) = options.get::<Option<&str>>("queue")? {
+        subscription.latest = queue == "latest";
+    }
+    subscribe(call, subscription)
+}
+
+fn once(call: &mut Call<'_>) -> NativeResult {
+    let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
+    subscription.once = true;
+    subscribe(call, subscription)
+}
+
+fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
+    call.must_be_running()?;
+    if call.state.subscriptions.len() >= MAX_SUBSCRIPTIONS {
+        return Err(call.args.misuse(&format!(
+            "there are {MAX_SUBSCRIPTIONS} handlers already; end some with :off()"
+        )));
+    }
+    listen(call, subscription.event);
+    let id = SubscriptionId(call.state.tasks.next_id());
+    call.state.subscriptions.insert(id, subscription);
+    let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
+    call.reply(object)
+}
+
+/// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
+fn wait_for(call: &mut Call<'_>) -> NativeResult {
+    let event = call.args.get(0)?;
+    let time = call.args.get(1)?;
+    wait_for_event(call, event, time)
+}
+
+/// Waits for an event. Waiting without a timeout is an error if the config prevents the event.
+pub(super) fn wait_for_event(
+    call: &mut Call<'_>,
+    event: EventName,
+    time: Option<Duration>,
+) -> NativeResult {
+    call.may_wait()?;
+    let streams = call.state.options.streams;
+    match event.stream().map(|stream| streams.allow(stream)) {
+        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why.to_string())),
+        _ => listen(call, event),
+    }
+    call.wait(Wait::Event(event), time)
+}
+
+/// Switches on the stream that an event needs, since frames and sound arrive only while their
+/// stream is on. If the config keeps the stream off, the event never comes: the script may still
+/// run, and this is logged once.
+pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
+    let Some(stream) = event.stream() else {
+        return;
+    };
+    if let Err(why) = call.state.need_stream(stream, Demand::WhileUsed)
+        && call.state.unavailable_events.insert(event)
+    {
+        let text = format!("'{}' never comes: {why}", event.name());
+        call.state.log(Level::Warn, &text);
+    }
+}
+
+fn off(call: &mut Call<'_>) -> NativeResult {
+    let id = call.receiver::<SubscriptionObject>()?.0;
+    call.state.unsubscribe(id);
+    call.reply(())
 }

@@ -5,7 +5,7 @@ use serde_json::Value as Json;
 
 use super::super::arguments::{Args, Refusal};
 use super::super::options::{ScenarioCall, ScenarioCallError};
-use super::super::{plain as data, stdlib};
+use super::super::{plain as data, sandbox};
 use super::tasks::wait_function;
 use super::{Builder, Call, NativeResult, location, of_row};
 use crate::api::{self, Function, Literal, Type};
@@ -24,7 +24,9 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     for row in rows {
         methods.raw_set(row.key(), row.waits)?;
     }
-    let made: LuaTable = stdlib::scenario(lua, (ask, wait, fail, methods))?;
+    let source = include_str!("../stdlib/scenario.luau");
+    let make = sandbox::compile(lua, source, "@spykee/scenario")?;
+    let made: LuaTable = make.call((ask, wait, fail, methods))?;
     for name in ["scenario", "expect"] {
         let function: LuaFunction = made.raw_get(name)?;
         lua.globals().raw_set(name, function)?;
@@ -43,10 +45,7 @@ fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args),
         // A placeholder for the object `sim`.
         values.push_front(LuaValue::Nil);
     }
-    let args = Args {
-        function: row.unwrap_or(call.args.function),
-        values,
-    };
+    let args = Args::new(row.unwrap_or(call.args.function), values);
     if let Some(row) = row {
         (0..row.parameters.len()).try_for_each(|index| args.given(index).check())?;
     }

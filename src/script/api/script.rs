@@ -1,21 +1,38 @@
-//! `script.*`, `log.*`, `print` and `clock.*`.
+//! `script.*`, `log.*`, `print`, `clock.*`, and what a script keeps between runs and sends to people:
+//! `store.*`, `journal.*` and `notify.*`.
 
 use std::cell::RefCell;
+use std::path::Path;
 
 use jiff::Timestamp;
-use jiff::civil::Weekday;
 use mlua::prelude::{LuaResult, LuaTable, LuaValue};
 
-use super::super::budget;
+use super::super::arguments::Refusal;
 use super::super::failure::printable;
-use super::super::output::{Level, LogLine};
+use super::super::output::{Level, LogLine, MAX_ENTRY, MAX_KIND, Output};
+use super::super::store::QUOTA;
+use super::super::{budget, picture_store, plain};
 use super::{Builder, Call, NativeResult, Natives, convert, location, of_row};
 use crate::clock::{Clock, Zone};
+use crate::robot::HostReport;
 
-const CALLS: &Natives = &[
+pub(super) const NATIVES: &Natives = &[
     ("script.stop", stop),
     ("script.on_stop", on_stop),
     ("script.usage", usage),
+    ("log.debug", |call| write(call, Level::Debug)),
+    ("log.info", |call| write(call, Level::Info)),
+    ("log.warn", |call| write(call, Level::Warn)),
+    ("log.error", |call| write(call, Level::Error)),
+    ("print", |call| write(call, Level::Info)),
+    ("clock.now", now),
+    ("clock.date", date),
+    ("store.get", store_get),
+    ("store.set", store_set),
+    ("store.delete", store_delete),
+    ("store.keys", store_keys),
+    ("journal.add", journal_add),
+    ("notify.send", notify_send),
 ];
 
 const MAX_STOP_HANDLERS: usize = 16;
@@ -24,7 +41,7 @@ const MAX_STOP_HANDLERS: usize = 16;
 const MAX_READ: usize = 8 * 1024;
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
-    let table = builder.namespace("script", &[CALLS])?;
+    let table = builder.namespace("script")?;
     #[cfg(test)]
     if let Some(row) = crate::api::function("script.stop") {
         let fault = builder.function(row, |_| panic!("tested"))?;
@@ -67,15 +84,6 @@ fn usage(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("Usage", table))
 }
 
-pub(super) const LOG: &Natives = &[
-    ("log.debug", |call| write(call, Level::Debug)),
-    ("log.info", |call| write(call, Level::Info)),
-    ("log.warn", |call| write(call, Level::Warn)),
-    ("log.error", |call| write(call, Level::Error)),
-];
-
-pub(super) const PRINT: &Natives = &[("print", |call| write(call, Level::Info))];
-
 /// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
@@ -99,8 +107,6 @@ fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     call.state.output.log(line, now);
     call.reply(())
 }
-
-pub(super) const CLOCK: &Natives = &[("clock.now", now), ("clock.date", date)];
 
 thread_local! {
     /// The last zone, cached because finding it takes longer than using it.
@@ -129,7 +135,8 @@ fn date(call: &mut Call<'_>) -> NativeResult {
     table.raw_set("hour", time.hour())?;
     table.raw_set("minute", time.minute())?;
     table.raw_set("second", time.second())?;
-    table.raw_set("weekday", weekday(time.weekday()))?;
+    let weekday = time.strftime("%A").to_string().to_lowercase();
+    table.raw_set("weekday", weekday)?;
     table.raw_set("zone", zone.name())?;
     table.raw_set("offset", time.offset().seconds())?;
     table.raw_set("text", time.strftime("%Y-%m-%d %H:%M:%S").to_string())?;
@@ -149,14 +156,115 @@ fn zone(name: &str) -> Zone {
     })
 }
 
-fn weekday(day: Weekday) -> &'static str {
-    match day {
-        Weekday::Monday => "monday",
-        Weekday::Tuesday => "tuesday",
-        Weekday::Wednesday => "wednesday",
-        Weekday::Thursday => "thursday",
-        Weekday::Friday => "friday",
-        Weekday::Saturday => "saturday",
-        Weekday::Sunday => "sunday",
+fn key(call: &Call<'_>) -> Result<String, Refusal> {
+    let key = call.args.get::<String>(0)?;
+    if key.is_empty() || key.contains('\u{fffd}') {
+        return Err(call.args.misuse("key must be a string in UTF-8, not empty"));
+    }
+    Ok(key)
+}
+
+fn store_get(call: &mut Call<'_>) -> NativeResult {
+    let key = key(call)?;
+    let kept = call.state.store.get(&key);
+    let kept = kept.and_then(|json| serde_json::from_str(json).ok());
+    let value = match kept {
+        Some(value) => plain::to_lua(call.lua, &value)?,
+        None => LuaValue::Nil,
+    };
+    match value {
+        LuaValue::Nil => call.reply(call.args.value(1).clone()),
+        value => call.reply(value),
+    }
+}
+
+fn store_set(call: &mut Call<'_>) -> NativeResult {
+    let key = key(call)?;
+    let value = call.args.value(1);
+    if value.is_nil() {
+        return Err(call
+            .args
+            .misuse("value is missing; to remove a key, call store.delete(key)"));
+    }
+    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why.to_string()))?;
+    let set = call.state.store.set(key, json);
+    set.map_err(|full| call.args.misuse(&full.to_string()))?;
+    call.reply(())
+}
+
+/// `store.delete(key)` returns whether the key existed.
+fn store_delete(call: &mut Call<'_>) -> NativeResult {
+    let key = key(call)?;
+    let was_there = call.state.store.delete(&key);
+    call.reply(was_there)
+}
+
+/// `store.keys()`, sorted.
+fn store_keys(call: &mut Call<'_>) -> NativeResult {
+    let keys = call.lua.create_sequence_from(call.state.store.keys())?;
+    call.reply(keys)
+}
+
+/// `journal.add(kind, fields)`: returns whether there was room.
+fn journal_add(call: &mut Call<'_>) -> NativeResult {
+    let kind = call.args.get::<String>(0)?;
+    let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    if kind.is_empty() || kind.len() > MAX_KIND || !kind.chars().all(plain_word) {
+        let words = "kind must be one word of letters, digits, '-' and '_', such as \"moved\"";
+        return Err(call.args.misuse(words));
+    }
+    let json = match call.args.value(1) {
+        LuaValue::Nil => "{}".to_owned(),
+        LuaValue::Table(table) if table.raw_len() > 0 => {
+            let words = "the fields must have names, such as { energy = 3 }";
+            return Err(call.args.misuse(words));
+        }
+        fields => plain::to_json(fields, MAX_ENTRY)
+            .map_err(|why| call.args.misuse(&format!("fields: {why}")))?,
+    };
+    let now = call.state.now;
+    let kept = call
+        .state
+        .daily_limits
+        .take_entry(kind.len() + json.len(), now);
+    if kept {
+        let report = HostReport::Entry { kind, json };
+        call.state.output.push(Output::HostReport(report));
+    }
+    call.reply(kept)
+}
+
+/// `notify.send(text, {picture=})`: returns whether the message is within the daily limit.
+fn notify_send(call: &mut Call<'_>) -> NativeResult {
+    let text = call.args.get::<String>(0)?;
+    if text.trim().is_empty() {
+        return Err(call.args.misuse("the text is empty"));
+    }
+    let picture: Option<String> = call.args.options(1)?.get("picture")?;
+    let picture = match picture {
+        Some(path) => Some(own_picture(call, &path)?),
+        None => None,
+    };
+    let now = call.state.now;
+    let sent = call.state.daily_limits.take_notice(now);
+    if sent {
+        let report = HostReport::Notify { text, picture };
+        call.state.output.push(Output::HostReport(report));
+    }
+    call.reply(sent)
+}
+
+fn own_picture(call: &Call<'_>, path: &str) -> Result<String, Refusal> {
+    let path = Path::new(path);
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let own = folder.is_none() || folder == call.state.options.data_dir.as_deref();
+    let name = path.file_name().and_then(|name| name.to_str());
+    match name.and_then(picture_store::file_name) {
+        Some(name) if own => Ok(name),
+        _ => Err(call.args.misuse(
+            "picture must be a path that frame:save returned: a picture that this script has saved",
+        )),
     }
 }

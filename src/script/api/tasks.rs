@@ -14,7 +14,7 @@ use super::super::task::{
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api;
 
-const CALLS: &Natives = &[
+pub(super) const NATIVES: &Natives = &[
     (WAIT, wait),
     ("task.spawn", spawn),
     ("task.delay", delay),
@@ -23,17 +23,17 @@ const CALLS: &Natives = &[
     ("task.all", |call| group(call, Rule::All)),
     ("task.race", |call| group(call, Rule::Race)),
     ("task.timeout", timeout),
+    ("Task:cancel", cancel),
+    ("Task:join", join),
 ];
 
 const WAIT: &str = "task.wait";
 const EVERY: &str = "task.every";
 
-const METHODS: &Natives = &[("Task:cancel", cancel), ("Task:join", join)];
-
 pub(super) struct TaskObject(Rc<Handle>);
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
-    let table = builder.namespace("task", &[CALLS])?;
+    let table = builder.namespace("task")?;
     if let Some(row) = api::function(EVERY) {
         let beat = builder.function_with_shim("waiting", row, beat)?;
         let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
@@ -52,7 +52,7 @@ pub(super) fn wait_function(builder: &Builder<'_>) -> LuaResult<LuaFunction> {
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<TaskObject>("Task", &[METHODS], |registry| {
+    builder.object::<TaskObject>("Task", |registry| {
         registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
         registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
     })

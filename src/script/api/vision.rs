@@ -13,25 +13,21 @@ use super::super::frame_state::{HeldFrame, LabelledBlob};
 use super::frame::{self, blob_table, mark};
 use super::{Builder, Call, NativeResult, Natives, of_row};
 use crate::vision::{
-    Blob, BlobOptions, Colour, Image, MAX_COLOURS, MotionDetector, MotionOptions, Track, Tracker,
-    TrackerOptions, learn,
+    Blob, BlobOptions, Colour, ColourError, Image, MAX_COLOURS, MotionDetector, MotionOptions,
+    Track, Tracker, TrackerOptions, learn,
 };
 
-pub(super) const CALLS: &Natives = &[
+pub(super) const NATIVES: &Natives = &[
     ("vision.lab", lab),
     ("vision.hsv", hsv),
     ("vision.tracker", tracker),
     ("vision.motion", detector),
     ("vision.learn", learn_colour),
-];
-
-const TRACKER: &Natives = &[
     ("Tracker:update", track),
     ("Tracker:best", best),
     ("Tracker:reset", reset),
+    ("Detector:update", detect),
 ];
-
-const DETECTOR: &Natives = &[("Detector:update", detect)];
 
 /// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
 const MAX_WATCHERS: u32 = 16;
@@ -62,9 +58,11 @@ struct DetectorObject {
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    register_colour(builder)?;
-    builder.object::<TrackerObject>("Tracker", &[TRACKER], |_| {})?;
-    builder.object::<DetectorObject>("Detector", &[DETECTOR], |_| {})
+    builder.object::<ColourObject>("Colour", |registry| {
+        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
+    })?;
+    builder.object::<TrackerObject>("Tracker", |_| {})?;
+    builder.object::<DetectorObject>("Detector", |_| {})
 }
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
@@ -154,12 +152,10 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
 
 /// `Tracker:best()`: the one to follow, or nil.
 fn best(call: &mut Call<'_>) -> NativeResult {
-    with_tracker(call, |call, object| match object.tracker.best() {
-        Some(track) => {
-            let table = track_table(call.lua, track, &object.colours)?;
-            call.reply(table)
-        }
-        None => call.reply(LuaValue::Nil),
+    with_tracker(call, |call, object| {
+        let track = object.tracker.best();
+        let table = track.map(|track| track_table(call.lua, track, &object.colours));
+        call.reply(table.transpose()?)
     })
 }
 
@@ -196,9 +192,8 @@ fn detect(call: &mut Call<'_>) -> NativeResult {
     }
     let lua = call.lua;
     let Some(image) = call.state.image(&held) else {
-        return motion_table(lua, 0.0, 0, &[])
-            .map_err(Refusal::from)
-            .and_then(|table| call.reply(table));
+        let table = motion_table(lua, 0.0, 0, &[])?;
+        return call.reply(table);
     };
     let motion = object.detector.update(image);
     let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
@@ -207,12 +202,7 @@ fn detect(call: &mut Call<'_>) -> NativeResult {
     call.reply(table)
 }
 
-fn motion_table(
-    lua: &Lua,
-    score: f64,
-    pixels: u32,
-    blobs: &[crate::vision::Blob],
-) -> LuaResult<LuaTable> {
+fn motion_table(lua: &Lua, score: f64, pixels: u32, blobs: &[Blob]) -> LuaResult<LuaTable> {
     let list = lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in blobs {
         list.raw_push(of_row("Blob", blob_table(lua, blob, &[])?))?;
@@ -272,12 +262,6 @@ pub(super) struct ColourObject(pub(super) Colour);
 pub(super) struct Colours {
     pub(super) colours: Vec<Colour>,
     pub(super) names: Vec<Option<String>>,
-}
-
-pub(super) fn register_colour(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<ColourObject>("Colour", &[], |registry| {
-        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
-    })
 }
 
 impl Colours {
@@ -359,7 +343,7 @@ pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
     made(call, colour)
 }
 
-fn made(call: &Call<'_>, colour: Result<Colour, crate::vision::ColourError>) -> NativeResult {
+fn made(call: &Call<'_>, colour: Result<Colour, ColourError>) -> NativeResult {
     let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
     let object = call.lua.create_any_userdata(ColourObject(colour))?;
     call.reply(object)

@@ -10,12 +10,10 @@ mod life;
 mod modules;
 mod motion;
 mod params;
-mod properties;
 mod sounds_and_lights;
 mod stdlib;
 mod store;
 mod tasks;
-mod typed;
 mod vision;
 
 use std::time::Duration;

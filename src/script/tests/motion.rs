@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{DockEnd, MotionId, Setpoint};
+use crate::robot::{DockEnd, DockOutcome, MotionId, Setpoint};
 
 fn setpoint(left: f64, right: f64) -> Setpoint {
     Setpoint::from_percent(left, right).unwrap()
@@ -244,9 +244,11 @@ fn dock_waits_for_its_answer_and_returns_it() {
         let answer = match intents[..] {
             [Intent::Dock { call, .. }] => Event::DockEnded {
                 call,
-                end,
-                attempts,
-                took: Duration::from_millis(1500),
+                outcome: DockOutcome {
+                    end,
+                    attempts,
+                    took: Duration::from_millis(1500),
+                },
             },
             [Intent::Undock { call, .. }] => Event::UndockEnded { call, end },
             _ => panic!("{intents:?}"),

@@ -9,7 +9,7 @@ fn lasting(seconds: f64, source: &str) -> Rig {
 
 #[test]
 fn every_module_loads_and_begins_with_its_description() {
-    for (name, source) in crate::script::stdlib::modules() {
+    for (name, source) in crate::script::modules::BUILT_IN {
         assert!(source.starts_with(&format!("-- {name}: ")), "{name}");
         assert_eq!(printed(&format!("print(type(require('{name}')))")), "table");
         let text = failure(&format!("require('{name}').nothing()"));

@@ -8,7 +8,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use libfuzzer_sys::fuzz_target;
 use spykee::robot::{Battery, EndReason, Event, Frame, MotionEnd, Percent};
-use spykee::robot::{DockEnd, Intent, RobotInfo};
+use spykee::robot::{DockEnd, DockOutcome, Intent, RobotInfo};
 use spykee::script::{Options, Output, Script};
 use tokio::time::Instant;
 
@@ -114,9 +114,7 @@ fn answer(intent: &Intent) -> Option<Event> {
         }),
         Intent::Dock { call, .. } => Some(Event::DockEnded {
             call: *call,
-            end: DockEnd::BaseNotFound,
-            attempts: 1,
-            took: Duration::ZERO,
+            outcome: DockOutcome::without_attempt(DockEnd::BaseNotFound),
         }),
         Intent::Undock { call, .. } => Some(Event::UndockEnded {
             call: *call,

@@ -106,7 +106,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     }
     seen.extend(events(&moment.acts).iter().filter_map(|event| match event {
         Event::MotionEnded { end, .. } => Some(format!("motion {end:?}")),
-        Event::DockEnded { end, .. } => Some(format!("dock {end:?}")),
+        Event::DockEnded { outcome, .. } => Some(format!("dock {:?}", outcome.end)),
         Event::UndockEnded { end, .. } => Some(format!("undock {end:?}")),
         _ => None,
     }));

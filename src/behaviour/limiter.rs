@@ -1,0 +1,358 @@
+//! Limits what a host may write to the log and which of its reports reach the bus: per second and
+//! per day, with short texts, and only files in its own data folder. An honest host limits itself;
+//! this also holds for a compromised one.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::Value;
+use tokio::time::Instant;
+
+use crate::rate_limit::{Budget, Repeats};
+use crate::robot::{AgentEvent, HostReport};
+use crate::sanitize;
+use crate::script::{self, DailyLimits, Level, Limits, LogLine, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
+
+/// Maximum number of lines per second. An honest host sends at most 100, and a few of its own.
+const MAX_LINES: u32 = 120;
+const WINDOW: Duration = Duration::from_secs(1);
+/// Minimum interval between two warnings about what was dropped.
+const REPORT_INTERVAL: Duration = Duration::from_secs(60);
+/// Maximum length of a text, a field name and a field value, in characters; an honest host cuts
+/// them shorter.
+const LONGEST: usize = 4096;
+const MAX_FIELDS: usize = 64;
+/// Bytes counted for each line besides its text: time, level, names.
+const OVERHEAD: usize = 80;
+
+/// What becomes of something that a host sends.
+#[derive(Debug, PartialEq)]
+pub(super) enum Admission<T> {
+    Passed(T),
+    /// Dropped, to be reported with the number dropped since the last report.
+    Dropped(u64),
+    /// Dropped; a recent report already said so.
+    DroppedSilently,
+}
+
+impl<T> Admission<T> {
+    fn dropped(reports: &mut Repeats<()>, now: Instant) -> Admission<T> {
+        reports
+            .record((), now)
+            .map_or(Admission::DroppedSilently, Admission::Dropped)
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct LogLimiter {
+    day: Budget,
+    window: Option<Instant>,
+    lines: u32,
+    reports: Repeats<()>,
+}
+
+impl LogLimiter {
+    /// Creates the limiter of a behaviour that may log this many bytes per day.
+    pub(super) fn new(per_day: u64) -> LogLimiter {
+        LogLimiter {
+            day: Budget::new(per_day),
+            window: None,
+            lines: 0,
+            reports: Repeats::new(REPORT_INTERVAL),
+        }
+    }
+
+    pub(super) fn admit(&mut self, line: LogLine, now: Instant) -> Admission<LogLine> {
+        let line = cut(line);
+        if self.has_room(now) && self.day.take(cost(&line), now) {
+            return Admission::Passed(line);
+        }
+        Admission::dropped(&mut self.reports, now)
+    }
+
+    fn has_room(&mut self, now: Instant) -> bool {
+        let fresh = |begun: Instant| now.saturating_duration_since(begun) < WINDOW;
+        if !self.window.is_some_and(fresh) {
+            (self.window, self.lines) = (Some(now), 0);
+        }
+        self.lines = self.lines.saturating_add(1);
+        self.lines <= MAX_LINES
+    }
+}
+
+fn cut(mut line: LogLine) -> LogLine {
+    let shorten = |text: &mut String| {
+        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(at);
+        }
+    };
+    shorten(&mut line.text);
+    line.fields.truncate(MAX_FIELDS);
+    for (key, value) in &mut line.fields {
+        shorten(key);
+        shorten(value);
+    }
+    line
+}
+
+fn cost(line: &LogLine) -> u64 {
+    let fields: usize = line
+        .fields
+        .iter()
+        .map(|(key, value)| key.len() + value.len())
+        .sum();
+    (OVERHEAD + line.text.len() + fields) as u64
+}
+
+pub(super) fn log(behaviour: &str, line: &LogLine) {
+    let fields: Vec<String> = line
+        .fields
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
+    let at = line.line;
+    match line.level {
+        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct ReportLimiter {
+    behaviour: String,
+    folder: Option<PathBuf>,
+    daily_limits: DailyLimits,
+    reports: Repeats<()>,
+}
+
+impl ReportLimiter {
+    /// Creates the limiter of a behaviour whose pictures are in this folder.
+    pub(super) fn new(
+        behaviour: String,
+        folder: Option<PathBuf>,
+        limits: &Limits,
+    ) -> ReportLimiter {
+        ReportLimiter {
+            behaviour,
+            folder,
+            daily_limits: DailyLimits::new(limits),
+            reports: Repeats::new(REPORT_INTERVAL),
+        }
+    }
+
+    pub(super) fn admit(&mut self, report: HostReport, now: Instant) -> Admission<AgentEvent> {
+        match self.event(report, now) {
+            Some(what) => Admission::Passed(what),
+            None => Admission::dropped(&mut self.reports, now),
+        }
+    }
+
+    /// Converts a report. `None` if no honest host would send it, or if today's budget is used up.
+    fn event(&mut self, report: HostReport, now: Instant) -> Option<AgentEvent> {
+        let behaviour = self.behaviour.clone();
+        match report {
+            HostReport::Picture { name } => {
+                let path = self.file(&name)?;
+                if !self.daily_limits.take_entry(name.len(), now) {
+                    return None;
+                }
+                Some(AgentEvent::Picture { behaviour, path })
+            }
+            HostReport::Entry { kind, json } => {
+                let length = kind.len() + json.len();
+                if kind.len() > MAX_KIND || json.len() > MAX_ENTRY {
+                    return None;
+                }
+                let data = serde_json::from_str(&json).ok().filter(Value::is_object)?;
+                if !self.daily_limits.take_entry(length, now) {
+                    return None;
+                }
+                Some(AgentEvent::Entry {
+                    behaviour,
+                    kind: sanitize::line(&kind),
+                    data,
+                })
+            }
+            HostReport::Notify { text, picture } => {
+                let picture = match picture {
+                    Some(name) => Some(self.file(&name)?),
+                    None => None,
+                };
+                if text.len() > MAX_NOTICE || !self.daily_limits.take_notice(now) {
+                    return None;
+                }
+                Some(AgentEvent::Notify {
+                    behaviour,
+                    text: sanitize::text(&text, false),
+                    picture,
+                })
+            }
+        }
+    }
+
+    /// The path of a picture in the own folder; `None` if `name` is not a picture's name.
+    fn file(&self, name: &str) -> Option<PathBuf> {
+        let folder = self.folder.as_ref()?;
+        (script::picture_name(name).as_deref() == Some(name)).then(|| folder.join(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::NOTICES_A_DAY;
+
+    fn line(text: String) -> LogLine {
+        LogLine {
+            level: Level::Info,
+            text,
+            fields: Vec::new(),
+            line: None,
+        }
+    }
+
+    fn written(log_limiter: &mut LogLimiter, now: Instant) -> bool {
+        matches!(
+            log_limiter.admit(line("x".into()), now),
+            Admission::Passed(_)
+        )
+    }
+
+    #[test]
+    fn a_flood_is_limited_per_second_and_reported_once_a_minute() {
+        let mut log_limiter = LogLimiter::new(1 << 30);
+        let mut now = Instant::now();
+        let passed = std::iter::repeat_with(|| written(&mut log_limiter, now))
+            .take(10_000)
+            .filter(|written| *written)
+            .count();
+        assert_eq!(passed, MAX_LINES as usize);
+        now += WINDOW;
+        assert!(written(&mut log_limiter, now));
+        now += REPORT_INTERVAL;
+        let flood = (0..200).map(|_| log_limiter.admit(line("x".into()), now));
+        let reported: Vec<_> = flood
+            .filter(|admission| matches!(admission, Admission::Dropped(_)))
+            .collect();
+        assert_eq!(
+            reported,
+            [Admission::Dropped(10_000 - u64::from(MAX_LINES) - 1)]
+        );
+    }
+
+    #[test]
+    fn bytes_per_day_and_line_length_are_limited() {
+        let mut log_limiter = LogLimiter::new(24 * 1000);
+        let mut now = Instant::now();
+        let mut passed = 0;
+        for _ in 0..3600 {
+            now += WINDOW;
+            passed += usize::from(written(&mut log_limiter, now));
+        }
+        assert!((12..=25).contains(&passed), "{passed}");
+        let mut log_limiter = LogLimiter::new(1 << 30);
+        let long = LogLine {
+            fields: vec![("k".repeat(9000), "v".repeat(9000)); 900],
+            ..line("ä".repeat(100_000))
+        };
+        let Admission::Passed(cut) = log_limiter.admit(long, now) else {
+            panic!("dropped");
+        };
+        assert_eq!(cut.text.chars().count(), LONGEST);
+        assert_eq!(
+            (cut.fields.len(), cut.fields[0].1.len()),
+            (MAX_FIELDS, LONGEST)
+        );
+    }
+
+    fn limiter() -> ReportLimiter {
+        let limits = Limits {
+            bytes_a_day: 64 * 24 * 1000,
+            ..Limits::default()
+        };
+        ReportLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
+    }
+
+    fn picture(name: &str) -> HostReport {
+        let name = name.to_owned();
+        HostReport::Picture { name }
+    }
+
+    fn entry(kind: &str, json: &str) -> HostReport {
+        let kind = kind.to_owned();
+        let json = json.to_owned();
+        HostReport::Entry { kind, json }
+    }
+
+    fn notice(picture: Option<&str>) -> HostReport {
+        let text = "hello".to_owned();
+        let picture = picture.map(str::to_owned);
+        HostReport::Notify { text, picture }
+    }
+
+    #[test]
+    fn a_compromised_host_cannot_name_files_of_others() {
+        let now = Instant::now();
+        let mut limiter = limiter();
+        let passed = |admission| matches!(admission, Admission::Passed(_));
+        for name in [
+            "../two/1.jpg",
+            "/etc/passwd",
+            "a/b.jpg",
+            "",
+            ".x.jpg",
+            "passwd",
+        ] {
+            assert!(!passed(limiter.admit(picture(name), now)), "{name}");
+            assert!(!passed(limiter.admit(notice(Some(name)), now)), "{name}");
+        }
+        let Admission::Passed(AgentEvent::Picture { path, .. }) =
+            limiter.admit(picture("1.jpg"), now)
+        else {
+            panic!("dropped");
+        };
+        assert_eq!(path, PathBuf::from("data/one/1.jpg"));
+    }
+
+    #[test]
+    fn entries_that_are_too_long_or_not_objects_are_dropped() {
+        let now = Instant::now();
+        let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
+        for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
+            let admission = limiter().admit(entry("moved", json), now);
+            assert!(matches!(admission, Admission::Dropped(0)), "{admission:?}");
+        }
+        let kind = "k".repeat(MAX_KIND + 1);
+        assert!(matches!(
+            limiter().admit(entry(&kind, "{}"), now),
+            Admission::Dropped(_)
+        ));
+    }
+
+    #[test]
+    fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
+        let mut limiter = limiter();
+        let now = Instant::now();
+        let admissions: Vec<_> = (0..1000)
+            .map(|_| limiter.admit(notice(None), now))
+            .collect();
+        let passed = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Passed(_)));
+        assert_eq!(passed.count() as u64, NOTICES_A_DAY / 24);
+        let reported = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Dropped(_)));
+        assert_eq!(reported.count(), 1);
+        let entries = (0..1000).map(|_| limiter.admit(entry("moved", "{}"), now));
+        assert!(
+            entries
+                .filter(|admission| matches!(admission, Admission::Passed(_)))
+                .count()
+                < 10
+        );
+    }
+}
