@@ -99,7 +99,7 @@ impl Driver {
         let mut setup = PilotSetup::new(settings, connector, core.clone(), heartbeat);
         let requests = setup.requests();
         if is_real_time {
-            handle_signals(core, requests.clone(), stop.clone())?;
+            handle_signals(core, requests.clone(), stop.clone(), &[], None)?;
         }
         if let Some(rescue) = rescue {
             setup.stand_by(launcher()?, rescue);

@@ -79,6 +79,11 @@ impl Failure {
         Failure::new(Exit::Failed, what)
     }
 
+    /// Ended by a person or the system, who know why: there is nothing to report.
+    pub fn interrupted() -> Failure {
+        Failure::new(Exit::Interrupted, "")
+    }
+
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Failure {
         Failure {

@@ -1,6 +1,6 @@
-//! `run --sim --fast`: the run happens in a simulation on its own thread, in virtual time; this
-//! thread shows the progress and handles signals, in real time. A script that cannot be interrupted
-//! ends the run and the program.
+//! `--fast`: a run or a service in a simulation on its own thread, in virtual time; this thread shows
+//! the progress and handles signals, in real time. A script that cannot be interrupted ends the run and
+//! the program.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -11,63 +11,131 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::{oneshot, watch};
-use tokio::time::{MissedTickBehavior, interval, sleep};
+use tokio::time::sleep;
+use tokio_util::sync::CancellationToken;
 
+use super::assembly::zone;
+use super::connection::ChosenRobot;
 use super::interrupt::TerminatingSignals;
-use super::live::PageInputs;
-use super::startup::{STATUS_PERIOD, runtime};
-use super::status::StatusLine;
-use super::world::TraceFile;
+use super::startup::runtime;
+use super::status::{StatusLine, show};
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Behaviour, Bus, ConnectAttempts, Outcome};
-use crate::clock::hours;
+use crate::agent::{AgentError, Bus, ConnectAttempts};
+use crate::clock::{Date, hours};
 use crate::config::Config;
-use crate::control::{self, SimulatedRobot};
 use crate::journal::{self, SimulationJournal};
 use crate::pilot::Status;
-use crate::robot::Streams;
 use crate::script;
 use crate::sim::{Handle, World};
-use crate::simulation::{self, Recorder, Running, Simulation};
-use crate::timetable::View;
+use crate::simulation::{self, Recorder, Simulation};
 
 /// A script that cannot be interrupted for this long ends the run.
 const STUCK_LIMIT: Duration = Duration::from_secs(5);
 /// Time limit, in real time, for ending the scripts and the run after a signal.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(10);
 
-/// A fast run: its behaviours, world and outputs.
-pub(super) struct Fast {
-    pub(super) world: World,
-    pub(super) behaviours: Vec<Behaviour>,
+/// A run or service in virtual time.
+pub(super) struct FastSetup<'a> {
+    pub(super) config: &'a Config,
+    pub(super) robot: ChosenRobot,
+    /// What the config and the further fields do not say.
     pub(super) options: simulation::Options,
-    pub(super) limit: Option<Duration>,
-    /// The picture of the robot's path, drawn at the end.
-    pub(super) trace: Option<TraceFile>,
-    /// The page that shows the run and controls its clock.
-    pub(super) page: Option<PageInputs>,
-    pub(super) journal: Option<SimulationJournalOptions>,
+    pub(super) date: Option<Date>,
+    /// The file for all events.
+    pub(super) events: Option<&'a Path>,
+    /// The beginning of the status line.
+    pub(super) names: String,
+    pub(super) is_service: bool,
+}
+
+/// The view of a simulation from outside: the agent's status and the simulator.
+pub(super) type SimulationView = (watch::Receiver<Status>, Handle);
+
+impl FastSetup<'_> {
+    /// Has `job` run an agent in the simulation, and logs the speed. The job sends the view of it.
+    pub(super) fn run(
+        self,
+        console: &Console,
+        job: impl AsyncFnOnce(&Simulation, oneshot::Sender<SimulationView>) -> Result<Exit, Failure>
+        + Send
+        + 'static,
+    ) -> Result<Exit, Failure> {
+        let config = self.config;
+        let world = world_of(self.robot, self.is_service)?;
+        let events = self.events.map(EventFile::create).transpose()?;
+        let options = simulation::Options {
+            limits: config.watchdog.clone(),
+            streams: config.streams,
+            events: events.as_ref().map(EventFile::recorder),
+            date: self.date.map(|date| date.at(&zone(true, config))),
+            ..self.options
+        };
+        let runtime = runtime()?;
+        let began = Instant::now();
+        let stop = options.stop.clone();
+        let bus = options.bus.clone();
+        let journal = JournalSetup::from_config(config);
+        let (opened, view) = oneshot::channel();
+        let simulate = move || {
+            simulation::run(world, options, async |simulation: &Simulation| {
+                let journal = journal.map(|journal| journal.start(&bus));
+                let exit = job(simulation, opened).await;
+                if let Some(journal) = journal {
+                    journal.finish().await;
+                }
+                (exit, simulation.now())
+            })
+        };
+        let showing = async {
+            let Ok((status, sim)) = view.await else {
+                return std::future::pending().await;
+            };
+            let pace = || Pace::new(sim.state().time, began.elapsed());
+            let prefix = || format!("{} · ", pace());
+            let line = StatusLine::new(self.names, Some(sim.clone()), ConnectAttempts::default());
+            show(line, status, console, self.is_service, prefix).await
+        };
+        let watched = watch_over(simulate, stop, showing, console);
+        let (exit, simulated) = runtime.block_on(watched)?;
+        tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
+        events.map_or(Ok(()), EventFile::finish)?;
+        exit
+    }
+}
+
+fn world_of(robot: ChosenRobot, is_service: bool) -> Result<World, Failure> {
+    match robot {
+        ChosenRobot::Sim(world) => Ok(*world),
+        ChosenRobot::Robot(_) => {
+            let example = if is_service {
+                "spykee serve --sim --fast --for 86400"
+            } else {
+                "spykee run FILE.lua --sim --fast"
+            };
+            let why = "--fast needs --sim: a real robot runs in real time";
+            Err(Failure::usage(why).help(example))
+        }
+    }
 }
 
 /// A journal in virtual time and its folder. It is kept only if the config explicitly has
 /// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
-pub(super) struct SimulationJournalOptions {
+struct JournalSetup {
     data: PathBuf,
     options: journal::Options,
 }
 
-impl SimulationJournalOptions {
-    /// The journal that this config asks for, if any.
-    pub(super) fn from_config(config: &Config) -> Option<SimulationJournalOptions> {
+impl JournalSetup {
+    fn from_config(config: &Config) -> Option<JournalSetup> {
         let wanted = config.journal.record == journal::When::On;
-        wanted.then(|| SimulationJournalOptions {
+        wanted.then(|| JournalSetup {
             data: config.data_folder().to_owned(),
             options: config.journal,
         })
     }
 
     /// Starts the journal, within the simulation.
-    pub(super) fn start(self, bus: &Bus) -> SimulationJournal {
+    fn start(self, bus: &Bus) -> SimulationJournal {
         let about = journal::RunInfo {
             target: "a simulated robot".to_owned(),
             simulated: true,
@@ -76,134 +144,55 @@ impl SimulationJournalOptions {
     }
 }
 
-/// The view of a simulation from outside: the agent's status and the simulator.
-type SimulationView = (watch::Receiver<Status>, Handle);
-
-/// How the agent ended, and the virtual time that had passed.
-type Run = (Result<Outcome, AgentError>, Duration);
-
-impl Fast {
-    /// Runs to the end and logs the speed.
-    pub(super) fn run(
-        self,
-        names: String,
-        console: &Console,
-    ) -> Result<Result<Outcome, AgentError>, Failure> {
-        let runtime = runtime()?;
-        let began = Instant::now();
-        let (outcome, simulated) = runtime.block_on(self.run_watched(names, began, console))?;
-        tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
-        Ok(outcome)
-    }
-
-    async fn run_watched(
-        self,
-        names: String,
-        began: Instant,
-        console: &Console,
-    ) -> Result<Run, Failure> {
-        let mut signals = TerminatingSignals::except(&[])?;
-        let stop = self.options.stop.clone();
-        exit_when_stuck(console);
-        let last = console.clone();
-        let (opened, view) = oneshot::channel();
-        let (ended, mut end) = oneshot::channel();
-        let shown = console.clone();
-        let simulation_thread = move || {
-            let _ = ended.send(self.run_simulation(opened, &shown));
-        };
-        let thread = std::thread::Builder::new()
-            .name("fast".into())
-            .spawn(simulation_thread)
-            .map_err(no_simulation)?;
-        let watching = async {
-            signals.next().await;
-            stop.cancel();
-            // A run that can end does so at once; a second signal skips the wait.
-            tokio::select! {
-                () = signals.next() => {}
-                () = sleep(SHUTDOWN_LIMIT) => {}
-            }
-            let words = match script::running().first() {
-                Some(file) => format!("error: interrupted within {file}, which did not end"),
-                None => "error: interrupted before the run had ended".to_owned(),
-            };
-            exit_with_message(&last, &words, Exit::Interrupted)
-        };
-        let result = tokio::select! {
-            biased;
-            result = &mut end => result,
-            never = show(names, view, began, console) => match never {},
-            never = watching => match never {},
-        };
-        let joined = thread.join();
-        match (result, joined) {
-            (Ok(result), Ok(())) => result.map_err(no_simulation)?,
-            _ => Err(Failure::new(
-                Exit::Failed,
-                AgentError::Broken("the simulation"),
-            )),
+/// Runs a simulation on its own thread, shows its progress, and ends it at a signal.
+async fn watch_over<T: Send + 'static>(
+    simulate: impl FnOnce() -> std::io::Result<T> + Send + 'static,
+    stop: CancellationToken,
+    showing: impl Future<Output = Infallible>,
+    console: &Console,
+) -> Result<T, Failure> {
+    let mut signals = TerminatingSignals::except(&[])?;
+    exit_when_stuck(console);
+    let (ended, mut end) = oneshot::channel();
+    let thread = std::thread::Builder::new()
+        .name("fast".into())
+        .spawn(move || ended.send(simulate()).is_ok())
+        .map_err(no_simulation)?;
+    let watching = async {
+        signals.next().await;
+        stop.cancel();
+        // A run that can end does so at once; a second signal skips the wait.
+        tokio::select! {
+            () = signals.next() => {}
+            () = sleep(SHUTDOWN_LIMIT) => {}
         }
-    }
-
-    /// Runs the simulation, on a thread without a runtime.
-    fn run_simulation(
-        self,
-        opened: oneshot::Sender<SimulationView>,
-        console: &Console,
-    ) -> std::io::Result<Result<Run, Failure>> {
-        let behaviours = self.behaviours;
-        let limit = self.limit;
-        let trace = self.trace;
-        let page = self.page;
-        let sim_clock = self.options.sim_clock.clone();
-        let streams = self.options.streams;
-        let journal = self.journal;
-        let bus = self.options.bus.clone();
-        simulation::run(self.world, self.options, async |simulation: &Simulation| {
-            let journal = journal.map(|journal| journal.start(&bus));
-            let run = simulation.start(behaviours, limit);
-            let simulated = SimulatedRobot {
-                robot: simulation.sim().clone(),
-                sim_clock,
-            };
-            let page = page.map(|page| page.serve(run_handle(&run, streams, simulated), console));
-            let _page = page.transpose()?;
-            let _ = opened.send((run.status(), simulation.sim().clone()));
-            let outcome = run.outcome().await;
-            if let Some(journal) = journal {
-                journal.finish().await;
-            }
-            if let Some(Err(failure)) = trace.map(|trace| trace.write(simulation.sim())) {
-                tracing::error!("{}", failure.report());
-            }
-            Ok((outcome, simulation.now()))
-        })
+        let words = match script::running().first() {
+            Some(file) => format!("error: interrupted within {file}, which did not end"),
+            None => "error: interrupted before the run had ended".to_owned(),
+        };
+        exit_with_message(console, &words, Exit::Interrupted)
+    };
+    let result = tokio::select! {
+        biased;
+        result = &mut end => result,
+        never = showing => match never {},
+        never = watching => match never {},
+    };
+    match (result, thread.join()) {
+        (Ok(result), Ok(_)) => result.map_err(no_simulation),
+        _ => Err(Failure::new(
+            Exit::Failed,
+            AgentError::Broken("the simulation"),
+        )),
     }
 }
 
-/// The handle through which the page accesses the run.
-fn run_handle(run: &Running, streams: Streams, sim: SimulatedRobot) -> control::Run {
-    control::Run {
-        requests: run.requests(),
-        roster: run.roster(),
-        status: run.status(),
-        pictures: run.pictures(),
-        reactions: run.reactions(),
-        end: None,
-        emergency_stop: control::EmergencyStop::default(),
-        streams,
-        target: "a simulation".to_owned(),
-        simulated: true,
-        sim: Some(sim),
-        began: tokio::time::Instant::now(),
-        // A single run has no timetable.
-        view: View::channel().1,
-    }
+fn no_simulation(error: std::io::Error) -> Failure {
+    Failure::io("start the simulation", error)
 }
 
 /// Ends the program if a script cannot be interrupted for [`STUCK_LIMIT`].
-pub(super) fn exit_when_stuck(console: &Console) {
+fn exit_when_stuck(console: &Console) {
     let console = console.clone();
     script::when_stuck(STUCK_LIMIT, move |file| {
         let words = format!("error: {}", script::stuck(file));
@@ -215,34 +204,6 @@ pub(super) fn exit_when_stuck(console: &Console) {
 fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
     std::process::exit(exit as i32)
-}
-
-async fn show(
-    names: String,
-    view: oneshot::Receiver<SimulationView>,
-    began: Instant,
-    console: &Console,
-) -> Infallible {
-    let Ok((status, sim)) = view.await else {
-        return std::future::pending().await;
-    };
-    let mut line = StatusLine::new(names, Some(sim.clone()), ConnectAttempts::default());
-    let mut ticks = interval(STATUS_PERIOD);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
-        ticks.tick().await;
-        let newest = *status.borrow();
-        let pace = Pace::new(sim.state().time, began.elapsed());
-        if console.has_status_line() {
-            console.status(format!("{pace} · {}", line.draw(&newest)));
-        } else if let Some(text) = line.plain_line(&newest) {
-            console.status_line_plain(&format!("{pace} · {text}"));
-        }
-    }
-}
-
-pub(super) fn no_simulation(error: std::io::Error) -> Failure {
-    Failure::io("start the simulation", error)
 }
 
 /// The virtual time that has passed, and the real time it took.

@@ -6,12 +6,10 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::api;
+use crate::behaviour::MAX_NAME;
 use crate::config;
-
-const MAX_NAME: usize = 64;
 
 /// Create a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
@@ -56,14 +54,17 @@ impl Template {
 }
 
 /// Parses a name, which must be valid for a folder, a file and a behaviour.
-fn parse_name(text: &str) -> Result<String, ArgumentError> {
+fn parse_name(text: &str) -> Result<String, String> {
     let usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     let right = text.starts_with(|c: char| c.is_ascii_alphabetic())
         && text.chars().all(usual)
         && text.len() <= MAX_NAME
         && !text.ends_with("_test");
     if !right {
-        return Err(ArgumentError::Project);
+        return Err(format!(
+            "expected at most {MAX_NAME} letters, digits, `_` and `-`, beginning with a letter and \
+             not ending in `_test`"
+        ));
     }
     Ok(text.to_owned())
 }

@@ -8,8 +8,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio_util::sync::CancellationToken;
 
-use super::settings::SettingsArgs;
-use super::{Exit, Failure, broker, print, secret};
+use super::settings::CommandSettings;
+use super::{Exit, Failure, fleet, print, secret};
 use crate::agent::Bus;
 use crate::config::Effective;
 use crate::mqtt::{PostError, publish};
@@ -39,14 +39,11 @@ pub(super) struct TestArgs {
     /// JPEG picture to attach
     #[arg(long, value_name = "FILE.jpg")]
     picture: Option<PathBuf>,
-
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 }
 
 /// Sends the message.
-pub(super) fn run(args: &TestArgs) -> Result<Exit, Failure> {
-    let settings = args.settings.load()?;
+pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let settings = settings.load()?;
     let options = &settings.config.notify;
     let chosen = chosen(options, &args.targets)?;
     let tokens = tokens(settings, chosen.iter().copied())?;
@@ -123,7 +120,7 @@ fn publisher(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
     }
-    let account = broker::account(settings)?;
+    let account = fleet::account(settings)?;
     Ok(account.map(
         |account| -> Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync> {
             Arc::new(move |message| {
@@ -168,14 +165,11 @@ fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
         Target { topic: Some(_), .. } => "uses a broker",
         _ => return Ok(()),
     };
-    let config = config.display();
-    let failure = Failure::usage(format_args!(
-        "the target {name} {what}, but its config {config} was found in the current folder, not \
-         named"
-    ));
-    Err(failure.help(format!(
-        "name the config, --config {config}, if you trust it"
-    )))
+    let what = format_args!(
+        "the target {name} {what}, but its config {} was found in the current folder, not named",
+        config.display()
+    );
+    Err(secret::refuse_found(config, what))
 }
 
 fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<String>, Failure> {

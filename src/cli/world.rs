@@ -1,14 +1,9 @@
 //! `spykee sim show|list|check`: draws, lists and checks worlds.
 
-use std::ffi::OsStr;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PathBufValueParser, PossibleValue, TypedValueParser};
-
-use super::argument::ArgumentError;
-use super::embedded::load;
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, argument, print};
+use crate::script::suggestion;
 use crate::sim::{Handle, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
@@ -16,11 +11,11 @@ pub(super) enum WorldAction {
     /// Draw the map of a world
     Show {
         /// World file, or the name of a built-in world [default: living_room]
-        #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
+        #[arg(value_name = "WORLD")]
         world: Option<PathBuf>,
 
         /// File to write, which must end in .png; an existing file is replaced
-        #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
+        #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = argument::png)]
         output: PathBuf,
 
         /// Print the world as YAML instead, as a start for your own: `--yaml > mine.yaml`
@@ -35,16 +30,6 @@ pub(super) enum WorldAction {
         #[arg(value_name = "WORLD.yaml", required = true)]
         worlds: Vec<PathBuf>,
     },
-}
-
-/// Parses the name of a file that ends in `.png`.
-pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
-    let path = PathBuf::from(text);
-    let ending = path.extension().unwrap_or_default();
-    if ending.eq_ignore_ascii_case("png") {
-        return Ok(path);
-    }
-    Err(ArgumentError::Png)
 }
 
 /// Shows, lists or checks worlds.
@@ -87,6 +72,24 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Loads the world from a file, the built-in one of that name, or the default one.
+pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
+    let Some(path) = world else {
+        return Ok(World::default_world());
+    };
+    if let Some(world) = path.to_str().and_then(World::builtin)
+        && !path.exists()
+    {
+        return Ok(world);
+    }
+    World::load(path).map_err(|error| {
+        let names: Vec<&str> = World::builtin_names().collect();
+        let near = suggestion(&path.to_string_lossy(), names.iter().copied());
+        let names = names.join(", ");
+        Failure::usage(error).help(format!("name a world file, or one of {names}{near}"))
+    })
+}
+
 /// Writes a picture.
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
@@ -95,14 +98,11 @@ pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure
 }
 
 fn list() -> Result<Exit, Failure> {
-    let mut text = String::new();
     for name in World::builtin_names() {
         let about = World::builtin_description(name).unwrap_or_default();
-        // Writing into a string does not fail.
-        let _ = writeln!(text, "{name}\n    {about}");
+        print(&format!("{name}\n    {about}\n"))?;
     }
-    text.push_str("Use one with: spykee run FILE.lua --sim NAME\n");
-    print(&text)?;
+    print("Use one with: spykee run FILE.lua --sim NAME\n")?;
     Ok(Exit::Done)
 }
 
@@ -119,27 +119,6 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     }
     Err(Failure::new(Exit::Check, wrong.join("\nerror: "))
         .help("worlds to start from are in behaviours/worlds/"))
-}
-
-/// Parses the name of a built-in world or of a file; shells complete the names.
-#[derive(Debug, Clone)]
-pub(super) struct WorldParser;
-
-impl TypedValueParser for WorldParser {
-    type Value = PathBuf;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        arg: Option<&clap::Arg>,
-        value: &OsStr,
-    ) -> Result<PathBuf, clap::Error> {
-        PathBufValueParser::new().parse_ref(command, arg, value)
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(World::builtin_names().map(PossibleValue::new)))
-    }
 }
 
 /// A picture file for the path of a robot.
