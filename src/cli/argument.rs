@@ -57,7 +57,8 @@ mod tests {
         }
     }
 
-    /// Collects one command line for each argument of each command, with a number that is too large.
+    /// Collects one command line for each argument of each command, with a number that is too
+    /// large.
     fn attempts(path: &[String], command: &clap::Command, found: &mut Vec<Vec<String>>) {
         for argument in command.get_arguments() {
             let value = "9999999999";

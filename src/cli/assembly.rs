@@ -1,5 +1,5 @@
-//! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core, agent,
-//! page, broker, journal, notifications and the socket for other commands.
+//! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core,
+//! agent, page, broker, journal, notifications and the socket for other commands.
 
 use std::io;
 use std::sync::Arc;
@@ -12,13 +12,12 @@ use tokio_util::sync::CancellationToken;
 use super::connection::RobotTarget;
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
-use super::sim::EmbeddedSim;
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
     refuse_if_stopped, rescue, runtime, serve, warn_of_unpaid_stop,
 };
 use super::status::{StatusLine, show};
-use super::world::TraceFile;
+use super::world::{EmbeddedSim, TraceFile};
 use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, notify};
 use crate::agent::{
     Agent, AgentError, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan,
@@ -56,8 +55,8 @@ pub(super) struct RunSetup<'a> {
     pub(super) service: Option<ServiceSetup>,
 }
 
-/// What a service has beyond a single run. It handles SIGHUP itself, also starts while a person's STOP
-/// holds, and goes on when no behaviour runs.
+/// What a service has beyond a single run. It handles SIGHUP itself, also starts while a person's
+/// STOP holds, and goes on when no behaviour runs.
 pub(super) struct ServiceSetup {
     /// Told of each heartbeat of the driving core.
     pub(super) beats: Arc<Notify>,
@@ -225,8 +224,8 @@ impl RunSetup<'_> {
     }
 }
 
-/// The exit code for the outcome of a run, or of a service, which behaviours and signals do not make
-/// fail.
+/// The exit code for the outcome of a run, or of a service, which behaviours and signals do not
+/// make fail.
 pub(super) fn exit_of(
     outcome: Result<Outcome, AgentError>,
     is_service: bool,

@@ -189,9 +189,9 @@ pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
     })
 }
 
-/// `--param NAME=VALUE`: a value for a parameter that a script declares with `params.declare`, optionally
-/// of one of several behaviours. Name and value are validated against the declaration when the script
-/// runs.
+/// `--param NAME=VALUE`: a value for a parameter that a script declares with `params.declare`,
+/// optionally of one of several behaviours. Name and value are validated against the declaration
+/// when the script runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Param {
     behaviour: Option<String>,

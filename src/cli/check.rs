@@ -114,11 +114,10 @@ pub(super) fn has_errors(diagnostics: &[Diagnostic]) -> bool {
         .any(|diagnostic| diagnostic.severity == Severity::Error)
 }
 
-/// A file as it is, or all files of a folder whose names end so, in alphabetical order. Skips hidden
-/// folders, `target` folders and symbolic links to folders.
+/// A file as it is, or all files of a folder whose names end so, in alphabetical order. Skips
+/// hidden folders, `target` folders and symbolic links to folders.
 pub(super) fn scripts(path: &Path, ending: &str) -> Result<Vec<PathBuf>, Failure> {
-    let cannot = |error| Failure::unreadable(path, error);
-    if !std::fs::metadata(path).map_err(cannot)?.is_dir() {
+    if !path.is_dir() {
         return Ok(vec![path.to_owned()]);
     }
     let mut files = Vec::new();
@@ -155,7 +154,15 @@ fn search(
 }
 
 fn report(diagnostics: &[Diagnostic], files: usize) -> String {
-    let mut text = shown(diagnostics, colours());
+    let mut text = String::new();
+    for diagnostic in diagnostics {
+        text += &if colours() {
+            coloured(diagnostic)
+        } else {
+            diagnostic.to_string()
+        };
+        text += "\n\n";
+    }
     let errors = diagnostics
         .iter()
         .filter(|one| one.severity == Severity::Error)
@@ -173,21 +180,6 @@ fn report(diagnostics: &[Diagnostic], files: usize) -> String {
         ),
     };
     text
-}
-
-/// Diagnostics for people, separated by blank lines.
-fn shown(diagnostics: &[Diagnostic], colours: bool) -> String {
-    let one = |diagnostic: &Diagnostic| {
-        if colours {
-            coloured(diagnostic)
-        } else {
-            diagnostic.to_string()
-        }
-    };
-    diagnostics
-        .iter()
-        .map(|diagnostic| one(diagnostic) + "\n\n")
-        .collect()
 }
 
 fn coloured(diagnostic: &Diagnostic) -> String {

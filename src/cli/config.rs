@@ -15,8 +15,8 @@ use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
-/// Show the settings and where they come from, check a config file, list its coming starts, test its
-/// notification targets
+/// Show the settings and where they come from, check a config file, list its coming starts, test
+/// its notification targets
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigArgs {
     #[command(subcommand)]

@@ -1,13 +1,12 @@
-//! The flags for the robot and the login, shared by all subcommands that connect to a robot, and the
-//! robot that they name.
+//! The flags for the robot and the login, shared by all subcommands that connect to a robot, and
+//! the robot that they name.
 
 use std::path::{Path, PathBuf};
 
 use super::driver::DriverParts;
 use super::settings::CommandSettings;
-use super::sim::EmbeddedSim;
 use super::startup::{refuse_if_stopped, rescue};
-use super::world::load;
+use super::world::{EmbeddedSim, load};
 use super::{Failure, secret};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target};
@@ -103,11 +102,6 @@ impl LoginArgs {
         let password = self.password(settings)?;
         sendable("the password", &password)?;
         Ok(Login::new(user, password))
-    }
-
-    /// Like [`LoginArgs::login`], without a config.
-    pub(super) fn login_without_config(&self) -> Result<Login, Failure> {
-        self.login(&Effective::default())
     }
 
     fn password(&self, settings: &Effective) -> Result<String, Failure> {

@@ -8,10 +8,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use jiff::Timestamp;
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
-use tracing_subscriber::fmt::format::Writer;
-use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
 use crate::config::LogFormat;
 use crate::rate_limit::{Budget, Repeats};
@@ -32,8 +31,8 @@ const REDIRECT_LIMIT: Duration = Duration::from_millis(500);
 const DROP_NOTICE_INTERVAL: Duration = Duration::from_secs(60);
 /// Pause between two attempts to enqueue into a full queue.
 const RETRY_PAUSE: Duration = Duration::from_millis(5);
-/// Largest number of bytes that the log may have per day, of which a 24th at once. Lines beyond it are
-/// dropped and counted.
+/// Largest number of bytes that the log may have per day, of which a 24th at once. Lines beyond it
+/// are dropped and counted.
 const BYTES_A_DAY: u64 = 256 << 20;
 
 /// Returns to the start of the line and clears it.
@@ -200,18 +199,12 @@ fn log_line(format: LogFormat, level: &str, text: &str) -> String {
     match format {
         LogFormat::Text => text.to_owned(),
         LogFormat::Json => serde_json::json!({
-            "timestamp": now(), "level": level, "message": text, "target": "spykee",
+            // In the format of the other lines.
+            "timestamp": format!("{:.6}", Timestamp::now()), "level": level, "message": text,
+            "target": "spykee",
         })
         .to_string(),
     }
-}
-
-/// The time, in the format of the other lines of a JSON log.
-fn now() -> String {
-    let mut text = String::new();
-    // Writing into a string cannot fail.
-    let _ = SystemTime.format_time(&mut Writer::new(&mut text));
-    text
 }
 
 struct ConsoleWriter<W> {
@@ -378,8 +371,8 @@ impl Features {
     };
 }
 
-/// Computes the output for a terminal, or for a file in its place: the log lines, and the status line
-/// below them.
+/// Computes the output for a terminal, or for a file in its place: the log lines, and the status
+/// line below them.
 #[derive(Debug)]
 struct Screen {
     features: Features,

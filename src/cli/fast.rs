@@ -1,12 +1,11 @@
-//! `--fast`: a run or a service in a simulation on its own thread, in virtual time; this thread shows
-//! the progress and handles signals, in real time. A script that cannot be interrupted ends the run and
-//! the program.
+//! `--fast`: a run or a service in a simulation on its own thread, in virtual time; this thread
+//! shows the progress and handles signals, in real time. A script that cannot be interrupted ends
+//! the run and the program.
 
 use std::convert::Infallible;
-use std::fmt;
 use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -49,7 +48,7 @@ pub(super) struct FastSetup<'a> {
 }
 
 /// The view of a simulation from outside: the agent's status and the simulator.
-pub(super) type SimulationView = (watch::Receiver<Status>, Handle);
+type SimulationView = (watch::Receiver<Status>, Handle);
 
 impl FastSetup<'_> {
     /// Has `job` run an agent in the simulation, and logs the speed. The job sends the view of it.
@@ -74,11 +73,13 @@ impl FastSetup<'_> {
         let began = Instant::now();
         let stop = options.stop.clone();
         let bus = options.bus.clone();
-        let journal = JournalSetup::from_config(config);
+        // By default, fast runs are not mixed with the history of real runs.
+        let keeps_journal = config.journal.record == journal::When::On;
+        let recorded = keeps_journal.then(|| config.clone());
         let (opened, view) = oneshot::channel();
         let simulate = move || {
             simulation::run(world, options, async |simulation: &Simulation| {
-                let journal = journal.map(|journal| journal.start(&bus));
+                let journal = recorded.map(|config| start_journal(&config, &bus));
                 let exit = job(simulation, opened).await;
                 if let Some(journal) = journal {
                     journal.finish().await;
@@ -90,14 +91,17 @@ impl FastSetup<'_> {
             let Ok((status, sim)) = view.await else {
                 return std::future::pending().await;
             };
-            let pace = || Pace::new(sim.state().time, began.elapsed());
-            let prefix = || format!("{} · ", pace());
+            let prefix = || {
+                let simulated = sim.state().time;
+                let factor = factor(simulated, began.elapsed());
+                format!("{} ({factor:.0}x) · ", hours(simulated))
+            };
             let line = StatusLine::new(self.names, Some(sim.clone()), ConnectAttempts::default());
             show(line, status, console, self.is_service, prefix).await
         };
         let watched = watch_over(simulate, stop, showing, console);
         let (exit, simulated) = runtime.block_on(watched)?;
-        tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
+        tracing::info!("{}", summary(simulated, began.elapsed()));
         events.map_or(Ok(()), EventFile::finish)?;
         exit
     }
@@ -118,35 +122,18 @@ fn world_of(robot: ChosenRobot, is_service: bool) -> Result<World, Failure> {
     }
 }
 
-/// A journal in virtual time and its folder. It is kept only if the config explicitly has
-/// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
-struct JournalSetup {
-    data: PathBuf,
-    options: journal::Options,
-}
-
-impl JournalSetup {
-    fn from_config(config: &Config) -> Option<JournalSetup> {
-        let wanted = config.journal.record == journal::When::On;
-        wanted.then(|| JournalSetup {
-            data: config.data_folder().to_owned(),
-            options: config.journal,
-        })
-    }
-
-    /// Starts the journal, within the simulation.
-    fn start(self, bus: &Bus) -> SimulationJournal {
-        let about = journal::RunInfo {
-            target: "a simulated robot".to_owned(),
-            simulated: true,
-        };
-        SimulationJournal::start(bus, &self.data, self.options, about)
-    }
+/// Starts a journal in virtual time, within the simulation.
+fn start_journal(config: &Config, bus: &Bus) -> SimulationJournal {
+    let about = journal::RunInfo {
+        target: "a simulated robot".to_owned(),
+        simulated: true,
+    };
+    SimulationJournal::start(bus, config.data_folder(), config.journal, about)
 }
 
 /// Runs a simulation on its own thread, shows its progress, and ends it at a signal.
 async fn watch_over<T: Send + 'static>(
-    simulate: impl FnOnce() -> std::io::Result<T> + Send + 'static,
+    simulate: impl FnOnce() -> io::Result<T> + Send + 'static,
     stop: CancellationToken,
     showing: impl Future<Output = Infallible>,
     console: &Console,
@@ -187,7 +174,7 @@ async fn watch_over<T: Send + 'static>(
     }
 }
 
-fn no_simulation(error: std::io::Error) -> Failure {
+fn no_simulation(error: io::Error) -> Failure {
     Failure::io("start the simulation", error)
 }
 
@@ -206,91 +193,63 @@ fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     std::process::exit(exit as i32)
 }
 
-/// The virtual time that has passed, and the real time it took.
-struct Pace {
-    simulated: Duration,
-    real: Duration,
+/// How many times faster than real time it runs.
+fn factor(simulated: Duration, real: Duration) -> f64 {
+    simulated.as_secs_f64() / real.as_secs_f64().max(1e-6)
 }
 
-impl Pace {
-    fn new(simulated: Duration, real: Duration) -> Pace {
-        Pace { simulated, real }
-    }
-
-    fn factor(&self) -> f64 {
-        self.simulated.as_secs_f64() / self.real.as_secs_f64().max(1e-6)
-    }
-
-    fn summary(&self) -> String {
-        format!(
-            "{} simulated in {:.1} s ({:.0}x)",
-            hours(self.simulated),
-            self.real.as_secs_f64(),
-            self.factor()
-        )
-    }
+fn summary(simulated: Duration, real: Duration) -> String {
+    let factor = factor(simulated, real);
+    let seconds = real.as_secs_f64();
+    format!(
+        "{} simulated in {seconds:.1} s ({factor:.0}x)",
+        hours(simulated)
+    )
 }
 
-/// The beginning of the status line.
-impl fmt::Display for Pace {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({:.0}x)", hours(self.simulated), self.factor())
-    }
-}
-
-/// An event log file with one JSON object per line. Keeps the first write error.
-pub(super) struct EventFile {
+/// An event log file with one JSON object per line; or the first error of writing it.
+struct EventFile {
     shown: String,
-    writing: Arc<Mutex<Writing>>,
-}
-
-struct Writing {
-    file: BufWriter<File>,
-    trouble: Option<std::io::Error>,
+    file: Arc<Mutex<io::Result<BufWriter<File>>>>,
 }
 
 impl EventFile {
     /// Creates the file, or empties it.
-    pub(super) fn create(path: &Path) -> Result<EventFile, Failure> {
+    fn create(path: &Path) -> Result<EventFile, Failure> {
         let shown = path.display().to_string();
         let file = File::create(path)
             .map_err(|error| Failure::io(format_args!("write the event log {shown}"), error))?;
-        let writing = Writing {
-            file: BufWriter::new(file),
-            trouble: None,
-        };
-        Ok(EventFile {
-            shown,
-            writing: Arc::new(Mutex::new(writing)),
-        })
+        let file = Arc::new(Mutex::new(Ok(BufWriter::new(file))));
+        Ok(EventFile { shown, file })
     }
 
     /// A recorder that writes events to the file.
-    pub(super) fn recorder(&self) -> Recorder {
-        let writing = self.writing.clone();
+    fn recorder(&self) -> Recorder {
+        let file = self.file.clone();
         Recorder::new(move |event| {
-            let mut writing = writing.lock().unwrap_or_else(PoisonError::into_inner);
-            if writing.trouble.is_some() {
-                return;
+            let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Ok(writer) = &mut *file {
+                let written = serde_json::to_writer(&mut *writer, &event)
+                    .map_err(io::Error::from)
+                    .and_then(|()| writer.write_all(b"\n"));
+                if let Err(error) = written {
+                    *file = Err(error);
+                }
             }
-            let written = serde_json::to_writer(&mut writing.file, &event)
-                .map_err(std::io::Error::from)
-                .and_then(|()| writing.file.write_all(b"\n"));
-            writing.trouble = written.err();
         })
     }
 
     /// Writes the buffered rest.
-    pub(super) fn finish(self) -> Result<(), Failure> {
-        let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
-        let flushed = writing.file.flush();
-        match writing.trouble.take().map_or(flushed, Err) {
-            Ok(()) => Ok(()),
-            Err(error) => Err(Failure::internal(format_args!(
-                "the event log {} is incomplete: {error}",
-                self.shown
-            ))),
-        }
+    fn finish(self) -> Result<(), Failure> {
+        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let error = match &mut *file {
+            Ok(writer) => writer.flush().err().map(|error| error.to_string()),
+            Err(error) => Some(error.to_string()),
+        };
+        error.map_or(Ok(()), |error| {
+            let what = format!("the event log {} is incomplete: {error}", self.shown);
+            Err(Failure::internal(what))
+        })
     }
 }
 
@@ -300,7 +259,7 @@ mod tests {
 
     #[test]
     fn the_summary_has_duration_and_speed() {
-        let pace = Pace::new(Duration::from_secs(3600), Duration::from_millis(1100));
-        assert_eq!(pace.summary(), "1:00:00 simulated in 1.1 s (3273x)");
+        let summary = summary(Duration::from_secs(3600), Duration::from_millis(1100));
+        assert_eq!(summary, "1:00:00 simulated in 1.1 s (3273x)");
     }
 }

@@ -228,9 +228,8 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     if options.host.is_none() {
         return Ok(None);
     }
-    let found = settings.found_file();
-    let read = |path: &PathBuf| secret::from_configured_file(path, found);
-    let password = options.password_file.as_ref().map(read).transpose()?;
+    let file = options.password_file.as_deref();
+    let password = secret::from_optional_file(file, settings.found_file())?;
     let certificates = |path: &PathBuf| {
         files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
             Failure::usage(format_args!(

@@ -74,8 +74,8 @@ pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
 
 /// From now on the first terminating signal cancels `stop`, and Ctrl-Z first stops the robot, by a
 /// request to its pilot, then suspends this program. The driving core handles the signals: any
-/// other thread may be blocked on the disk. The caller handles `others` itself. While this program is
-/// suspended the terminal has its `original` settings, if any.
+/// other thread may be blocked on the disk. The caller handles `others` itself. While this program
+/// is suspended the terminal has its `original` settings, if any.
 pub(super) fn handle_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,

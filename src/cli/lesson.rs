@@ -6,9 +6,9 @@ mod class;
 mod feedback;
 mod grade;
 
-use std::fs;
 use std::path::PathBuf;
 
+use super::new::create_project;
 use super::table::aligned;
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
@@ -85,27 +85,22 @@ struct StartArgs {
 /// Creates the folder. Does not change an existing one.
 fn start(args: &StartArgs) -> Result<Exit, Failure> {
     let lesson = args.lesson;
+    let number = lesson.number;
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
     let folder = args.folder.clone().unwrap_or_else(own);
     let shown = folder.display();
-    let cannot = |error| Failure::io(format_args!("create {shown}"), error);
     if let Some(parent) = folder.parent() {
-        fs::create_dir_all(parent).map_err(cannot)?;
+        std::fs::create_dir_all(parent)
+            .map_err(|error| Failure::io(format_args!("create {shown}"), error))?;
     }
-    fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
-            .help(format!(
-                "nothing was changed; continue in it, or use another folder: spykee lesson start {} \
-                 DIR",
-                lesson.number
-            )),
-        _ => cannot(error),
-    })?;
     let file = lesson.file();
-    for (name, text) in [("README.md", lesson.readme), (&file, lesson.starter)] {
-        fs::write(folder.join(name), text).map_err(cannot)?;
-    }
-    let number = lesson.number;
+    let files = [
+        ("README.md".to_owned(), lesson.readme.to_owned()),
+        (file.clone(), lesson.starter.to_owned()),
+    ];
+    let instead =
+        format!("continue in it, or use another folder: spykee lesson start {number} DIR");
+    create_project(&folder, &files, &instead)?;
     let title = lesson.title();
     let world = lesson.world;
     print(&format!(

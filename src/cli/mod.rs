@@ -47,6 +47,7 @@ use std::cell::RefCell;
 use std::ffi::OsString;
 use std::future::Future;
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -62,7 +63,7 @@ use serde::Serialize;
 pub use connection::{ConnectionArgs, LoginArgs};
 pub use console::Console;
 pub use failure::{Exit, Failure};
-use settings::{CommandSettings, ConfigFlag};
+use settings::CommandSettings;
 
 /// Timeout for writing the last lines to a blocked stderr at exit.
 const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
@@ -76,8 +77,10 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    #[command(flatten)]
-    config: ConfigFlag,
+    /// YAML file with the settings [default: $SPYKEE_CONFIG, or else spykee.yaml in the current
+    /// folder]
+    #[arg(long, value_name = "FILE", global = true)]
+    config: Option<PathBuf>,
 
     /// Format of the log on stderr [default: text]; $RUST_LOG filters it
     #[arg(long, value_enum, global = true)]
@@ -113,8 +116,8 @@ enum Command {
 }
 
 impl Command {
-    /// Whether the subcommand uses the settings. The unit's config that `service` names may belong to
-    /// another user.
+    /// Whether the subcommand uses the settings. The unit's config that `service` names may belong
+    /// to another user.
     fn uses_settings(&self) -> bool {
         !matches!(
             self,
@@ -243,7 +246,7 @@ fn execute<Guard>(
 ) -> Exit {
     let named = match cli.command {
         Command::Service(_) => None,
-        _ => cli.config.file,
+        _ => cli.config,
     };
     let is_named = named.is_some();
     let settings = CommandSettings::new(named);

@@ -1,4 +1,5 @@
-//! `spykee config test-notify`, and the notifications of a run: reads the config's targets and their secrets.
+//! `spykee config test-notify`, and the notifications of a run: reads the config's targets and
+//! their secrets.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -173,11 +174,8 @@ fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
 }
 
 fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<String>, Failure> {
-    let Some(path) = &target.token_file else {
-        return Ok(None);
-    };
-    let read = secret::from_configured_file(path, found);
-    read.map(Some).map_err(|failure| Failure {
+    let read = secret::from_optional_file(target.token_file.as_deref(), found);
+    read.map_err(|failure| Failure {
         what: format!("the target {name}: {}", failure.what),
         ..failure
     })

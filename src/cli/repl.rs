@@ -121,7 +121,16 @@ async fn run_session(
         handle_signals(&core, requests, stop.clone(), &[], None)?;
         None
     };
-    let mut repl = Repl::new(commands, to_editor, console.clone(), interactive);
+    let mut repl = Repl {
+        commands: Some(commands),
+        to_editor,
+        console: console.clone(),
+        interactive,
+        begun: false,
+        running: false,
+        failed: false,
+        terminal_due: None,
+    };
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
     thread
@@ -169,24 +178,6 @@ struct Repl {
 }
 
 impl Repl {
-    fn new(
-        commands: mpsc::Sender<PromptCommand>,
-        to_editor: mpsc::Sender<EditorCommand>,
-        console: Console,
-        interactive: bool,
-    ) -> Repl {
-        Repl {
-            commands: Some(commands),
-            to_editor,
-            console,
-            interactive,
-            begun: false,
-            running: false,
-            failed: false,
-            terminal_due: None,
-        }
-    }
-
     fn take(&mut self, typed: Typed) {
         match typed {
             Typed::Ready => self.terminal_due = None,

@@ -79,8 +79,8 @@ pub(super) struct RunArgs {
 
     /// Serve a web page that shows and controls the run, and print its address [default: the
     /// config's `live: listen`, or else 127.0.0.1:7788]. The run continues when its behaviours have
-    /// ended; Ctrl-C ends it. With --fast the page controls the clock: pause, single steps, 1 to 100
-    /// times real time
+    /// ended; Ctrl-C ends it. With --fast the page controls the clock: pause, single steps, 1 to
+    /// 100 times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 

@@ -1,5 +1,5 @@
-//! Finds the active run of this data folder, or the service elsewhere, that uses the chosen robot, and
-//! sends requests to it.
+//! Finds the active run of this data folder, or the service elsewhere, that uses the chosen robot,
+//! and sends requests to it.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::interrupt::interruption;
 use super::settings::CommandSettings;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
-use crate::config::{Effective, ServiceUrl};
+use crate::config::ServiceUrl;
 use crate::control::{self, AskError, Client, Remote, RunRequest, RunResponse, RunStatus};
 use crate::link::Target;
 use crate::robot::STOP_HOLDS;
@@ -40,7 +40,13 @@ impl RemoteArgs {
                 let read = |path: &PathBuf| secret::from_chosen_file(path);
                 (url, self.token_file.as_ref().map(read).transpose()?)
             }
-            (None, Some(url)) => (url, token(effective)?),
+            (None, Some(url)) => {
+                let file = options.token_file.as_deref();
+                (
+                    url,
+                    secret::from_optional_file(file, effective.found_file())?,
+                )
+            }
             (None, None) => return Ok(None),
         };
         let remote = Remote::new(url.clone(), token.as_deref()).map_err(Failure::usage)?;
@@ -56,15 +62,6 @@ impl RemoteArgs {
             "--url and {other} cannot be combined: a service has its own robot"
         )))
     }
-}
-
-/// The token of the config. A config that was found, not named, may only name a file in its own
-/// folder.
-fn token(effective: &Effective) -> Result<Option<String>, Failure> {
-    let Some(path) = &effective.config.remote.token_file else {
-        return Ok(None);
-    };
-    secret::from_configured_file(path, effective.found_file()).map(Some)
 }
 
 fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
@@ -97,8 +94,8 @@ impl SharedTargetArgs {
     /// The service on another computer that the command line or the config names. `None` with
     /// `--sim` or a robot.
     ///
-    /// # Errors
-    /// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached.
+    /// # Errors Flags that cannot be combined; a config that cannot be used; a service that cannot
+    /// be reached.
     pub(super) fn find_service(
         &self,
         settings: &CommandSettings,
@@ -183,8 +180,8 @@ pub(super) fn uses_robot(run: &RunStatus, target: &Target) -> bool {
     run.target == target || (connected.is_some() && connected == address(&target))
 }
 
-/// Sends a request to a run and waits for its reply, at most `limit`. If interrupted, the run cancels
-/// the request.
+/// Sends a request to a run and waits for its reply, at most `limit`. If interrupted, the run
+/// cancels the request.
 pub(super) fn ask(
     run: &Client,
     request: &RunRequest,

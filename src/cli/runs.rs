@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::running::RemoteArgs;
 use super::settings::CommandSettings;
+use super::status::charge;
 use super::table::aligned;
 use super::{Exit, Failure, block_on, print, print_json};
 use crate::clock::{self, Clock, Zone};
@@ -89,11 +90,10 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
 
 /// Describes the battery, for people.
 pub(super) fn describe(battery: Battery) -> String {
-    let charging = if battery.charging { ", charging" } else { "" };
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         format!(", {minutes:.0} minutes left")
     });
-    format!("{}{charging}{left}", battery.level())
+    format!("{}{left}", charge(battery))
 }
 
 #[cfg(test)]

@@ -101,14 +101,11 @@ pub(super) fn from_environment() -> Result<Option<String>, Failure> {
 pub(super) fn from_credential() -> Result<Option<String>, Failure> {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
     let path = folder.map(|folder| Path::new(&folder).join("password"));
-    match path.filter(|path| path.exists()) {
-        Some(path) => {
-            let text =
-                files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
-            first_line(&path, text).map(Some)
-        }
-        None => Ok(None),
-    }
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return Ok(None);
+    };
+    let text = files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
+    first_line(&path, text).map(Some)
 }
 
 /// The first line of a file that the command line or the environment names. It may also be a pipe,
@@ -134,6 +131,15 @@ pub(super) fn from_configured_file(
     warn_if_shared(path);
     let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
     first_line(path, text)
+}
+
+/// Like [`from_configured_file`], if the config names one.
+pub(super) fn from_optional_file(
+    path: Option<&Path>,
+    found_config: Option<&Path>,
+) -> Result<Option<String>, Failure> {
+    path.map(|path| from_configured_file(path, found_config))
+        .transpose()
 }
 
 /// The first line of a file named by a config that was found in the current folder, not named: such

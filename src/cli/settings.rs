@@ -7,16 +7,7 @@ use std::sync::Arc;
 use super::Failure;
 use crate::config::{Config, ConfigError, Effective};
 
-/// The flag, which may be before or after any subcommand.
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ConfigFlag {
-    /// YAML file with the settings [default: $SPYKEE_CONFIG, or else spykee.yaml in the current
-    /// folder]
-    #[arg(id = "config", long, value_name = "FILE", global = true)]
-    pub(super) file: Option<PathBuf>,
-}
-
-/// The settings of a command, from the file that [`ConfigFlag`] names.
+/// The settings of a command, from the file that `--config` names.
 #[derive(Debug, Clone)]
 pub(super) struct CommandSettings {
     config: Option<PathBuf>,

@@ -1,18 +1,15 @@
-//! `spykee sim`: a simulated robot for any Spykee client; and the one inside `spykee run --sim`.
+//! `spykee sim`: a simulated robot for any Spykee client.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use tokio::time::interval;
-use tokio_util::sync::CancellationToken;
 
 use super::interrupt::interruption;
-use super::startup::runtime;
 use super::world::{self, WorldAction, load};
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
-use crate::link::Target;
+use crate::config::Effective;
 use crate::sim::{Fault, Firmware, Handle, Options, Server, State, World};
 
 /// Interval between redraws of the status line.
@@ -67,7 +64,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     let faults = args.faults.as_deref().map(load_faults).transpose()?;
     let options = Options {
         listen: args.listen,
-        login: args.login.login_without_config()?,
+        login: args.login.login(&Effective::default())?,
         seed: args.seed,
         faults,
         firmware: args.firmware.load()?,
@@ -142,8 +139,8 @@ fn status(state: &State) -> String {
 /// The firmware of a simulated robot.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
-    /// lists the keys
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the
+    /// README lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }
@@ -165,58 +162,5 @@ impl FirmwareArgs {
         }
         let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
         Err(failure.help("--sim [WORLD] runs on a simulated robot"))
-    }
-}
-
-/// A simulator on its own thread, so that drawing pictures never delays the watchdog, with real
-/// sockets on loopback. Ends when dropped.
-pub(super) struct EmbeddedSim {
-    address: SocketAddr,
-    handle: Handle,
-    stop: CancellationToken,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl EmbeddedSim {
-    /// Starts a simulator in this world. Not for callers on a runtime.
-    pub(super) fn start(world: World, options: Options) -> Result<EmbeddedSim, Failure> {
-        let cannot = |error| Failure::io("start the simulator", error);
-        let runtime = runtime()?;
-        let bound = runtime.block_on(Server::bind(world, options));
-        let server = bound.map_err(cannot)?;
-        let address = server.local_addr();
-        let handle = server.handle();
-        let stop = CancellationToken::new();
-        let stopped = stop.clone();
-        let serve = move || {
-            let _ = runtime.block_on(stopped.run_until_cancelled(server.run()));
-        };
-        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
-        Ok(EmbeddedSim {
-            address,
-            handle,
-            stop,
-            thread: Some(thread.map_err(cannot)?),
-        })
-    }
-
-    pub(super) fn target(&self) -> Target {
-        Target {
-            host: self.address.ip().to_string(),
-            port: self.address.port(),
-        }
-    }
-
-    pub(super) fn handle(&self) -> Handle {
-        self.handle.clone()
-    }
-}
-
-impl Drop for EmbeddedSim {
-    fn drop(&mut self) {
-        self.stop.cancel();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
     }
 }

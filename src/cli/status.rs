@@ -61,7 +61,7 @@ impl StatusLine {
 
     fn draw(&mut self, status: &Status) -> String {
         self.count(status.frames);
-        let battery = status.battery.map_or_else(|| "-".to_owned(), battery);
+        let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
         let mut parts = vec![self.state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
             let state = sim.state();
@@ -128,7 +128,8 @@ fn lights(state: &State) -> Option<String> {
     (!on.is_empty()).then(|| format!("lights: {}", on.join(" ")))
 }
 
-fn battery(battery: Battery) -> String {
+/// The battery's level, and whether it charges.
+pub(super) fn charge(battery: Battery) -> String {
     let charging = if battery.charging { ", charging" } else { "" };
     format!("{}{charging}", battery.level())
 }

@@ -2,9 +2,9 @@
 
 use crate::sanitize;
 
-/// Formats rows below a head such as `FILE|>PIXELS`, in which `>` marks a column of numbers, aligned
-/// to the right. Columns are as wide as their widest cell, two spaces apart. A row may have fewer
-/// cells.
+/// Formats rows below a head such as `FILE|>PIXELS`, in which `>` marks a column of numbers,
+/// aligned to the right. Columns are as wide as their widest cell, two spaces apart. A row may have
+/// fewer cells.
 pub(super) fn aligned(head: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let is_number: Vec<bool> = head
         .split('|')

@@ -12,7 +12,6 @@ use super::check::scripts;
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
 use super::{Console, Exit, Failure, argument, print};
-use crate::config::Config;
 use crate::sanitize;
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioFileError, ScenarioProcess};
 use job_pool::{Job, JobPool, JobResult};
@@ -87,7 +86,8 @@ pub(super) fn run(
         let failure = Failure::usage("no scenario matches --filter");
         return Err(failure.help("`spykee test --list` lists all scenarios"));
     }
-    let pictures = pictures(args, &config);
+    let own = || config.data_folder().join("scenarios");
+    let pictures = args.pictures.clone().unwrap_or_else(own);
     let settings = RunSettings {
         config,
         firmware: args.firmware.load()?,
@@ -128,11 +128,6 @@ fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<(), Failure>
     } else {
         print(&format!("{}{}", report.completed_files(), report.summary()))
     }
-}
-
-fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
-    let own = || config.data_folder().join("scenarios");
-    args.pictures.clone().unwrap_or_else(own)
 }
 
 fn test_files(

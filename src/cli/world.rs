@@ -1,10 +1,17 @@
-//! `spykee sim show|list|check`: draws, lists and checks worlds.
+//! `spykee sim show|list|check`: draws, lists and checks worlds; and the simulated robot inside
+//! `spykee run --sim`.
 
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 
+use tokio_util::sync::CancellationToken;
+
+use super::startup::runtime;
 use super::{Exit, Failure, argument, print};
+use crate::link::Target;
 use crate::script::suggestion;
-use crate::sim::{Handle, World};
+use crate::sim::{Handle, Options, Server, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
 pub(super) enum WorldAction {
@@ -138,5 +145,58 @@ impl TraceFile {
         save(&sim.trace().draw(sim.world()), &self.0)?;
         tracing::info!("the robot's path is drawn in {}", self.0.display());
         Ok(())
+    }
+}
+
+/// A simulator on its own thread, so that drawing pictures never delays the watchdog, with real
+/// sockets on loopback. Ends when dropped.
+pub(super) struct EmbeddedSim {
+    address: SocketAddr,
+    handle: Handle,
+    stop: CancellationToken,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EmbeddedSim {
+    /// Starts a simulator in this world. Not for callers on a runtime.
+    pub(super) fn start(world: World, options: Options) -> Result<EmbeddedSim, Failure> {
+        let cannot = |error| Failure::io("start the simulator", error);
+        let runtime = runtime()?;
+        let bound = runtime.block_on(Server::bind(world, options));
+        let server = bound.map_err(cannot)?;
+        let address = server.local_addr();
+        let handle = server.handle();
+        let stop = CancellationToken::new();
+        let stopped = stop.clone();
+        let serve = move || {
+            let _ = runtime.block_on(stopped.run_until_cancelled(server.run()));
+        };
+        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
+        Ok(EmbeddedSim {
+            address,
+            handle,
+            stop,
+            thread: Some(thread.map_err(cannot)?),
+        })
+    }
+
+    pub(super) fn target(&self) -> Target {
+        Target {
+            host: self.address.ip().to_string(),
+            port: self.address.port(),
+        }
+    }
+
+    pub(super) fn handle(&self) -> Handle {
+        self.handle.clone()
+    }
+}
+
+impl Drop for EmbeddedSim {
+    fn drop(&mut self) {
+        self.stop.cancel();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }

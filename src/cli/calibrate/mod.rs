@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::driver::{Driver, drive};
 use super::settings::CommandSettings;
-use super::sim::EmbeddedSim;
+use super::world::EmbeddedSim;
 use super::{ConnectionArgs, Exit, Failure, block_on, print, print_json};
 use crate::pilot::Status;
 use crate::robot::{MotionEnd, Setpoint};
@@ -98,10 +98,10 @@ pub(super) fn run(args: &CalibrateArgs, settings: &CommandSettings) -> Result<Ex
         Ok(Exit::Done)
     });
     let exit = block_on(measuring)??;
-    if let Some(calibration) = measured {
-        conclude(args.json, calibration)?;
+    match measured {
+        Some(calibration) => conclude(args.json, calibration).map(|()| Exit::Done),
+        None => Ok(exit),
     }
-    Ok(exit)
 }
 
 /// Returns an error with help if the robot may not drive.
@@ -153,31 +153,13 @@ fn conclude(json: bool, calibration: Calibration) -> Result<(), Failure> {
     ))
 }
 
-/// One step: the setpoint of the tracks and its duration.
-#[derive(Debug, Clone, Copy)]
-struct Plan {
-    setpoint: Setpoint,
-    duration: Duration,
+fn straight(percent: f64) -> Setpoint {
+    Setpoint::from_percent(percent, percent).unwrap_or(Setpoint::STOP)
 }
 
-impl Plan {
-    /// Both tracks at this fraction of [`POWER`], -1 to 1.
-    fn straight(direction: f64, millis: u64) -> Plan {
-        Plan::new(direction, direction, millis)
-    }
-
-    /// A turn on the spot, to the left if positive.
-    fn turn(direction: f64, millis: u64) -> Plan {
-        Plan::new(-direction, direction, millis)
-    }
-
-    fn new(left: f64, right: f64, millis: u64) -> Plan {
-        let setpoint = Setpoint::from_percent(left * POWER, right * POWER);
-        Plan {
-            setpoint: setpoint.unwrap_or(Setpoint::STOP),
-            duration: Duration::from_millis(millis),
-        }
-    }
+/// A turn on the spot, to the left with positive power.
+pub(super) fn turn(percent: f64) -> Setpoint {
+    Setpoint::from_percent(-percent, percent).unwrap_or(Setpoint::STOP)
 }
 
 /// One round: the speeds of driving and turning at [`POWER`].
@@ -212,21 +194,14 @@ impl Measured {
 async fn measure_with_person(driver: &mut Driver, json: bool) -> Result<Measured, Failure> {
     ready(driver.status())?;
     say(json, WELCOME)?;
-    let ahead = |millis| Plan::straight(1.0, millis);
     let how_far = "How far did it go, in centimetres? (r: repeat) ";
-    let short = ask(
-        driver,
-        json,
-        "1/3  It drives forwards for one second.",
-        ahead(SHORT),
-        how_far,
-    );
-    let short = short.await? / 100.0;
+    let first = "1/3  It drives forwards for one second.";
+    let short = ask(driver, json, first, straight(POWER), SHORT, how_far).await? / 100.0;
     let next = "2/3  Put it back at the start. It drives forwards for three seconds.";
-    let long = ask(driver, json, next, ahead(LONG), how_far).await? / 100.0;
+    let long = ask(driver, json, next, straight(POWER), LONG, how_far).await? / 100.0;
     let next = "3/3  Mark where it faces. It turns left on the spot for two seconds.";
     let how_much = "How many degrees did it turn? A full turn counts as 360. (r: repeat) ";
-    let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
+    let degrees = ask(driver, json, next, turn(POWER), TURN, how_much).await?;
     // The difference of two moves cancels the effect of starting and stopping.
     Ok(Measured {
         speed: (long - short) / (LONG - SHORT) as f64 * 1000.0,
@@ -239,7 +214,8 @@ async fn ask(
     driver: &mut Driver,
     json: bool,
     what: &str,
-    plan: Plan,
+    setpoint: Setpoint,
+    millis: u64,
     question: &str,
 ) -> Result<f64, Failure> {
     loop {
@@ -248,7 +224,7 @@ async fn ask(
             &format!("\n{what}\n     Is the way free? Enter starts it. "),
         )?;
         answer().await?;
-        drive_once(driver, plan.setpoint, plan.duration).await?;
+        drive_once(driver, setpoint, Duration::from_millis(millis)).await?;
         loop {
             say(json, &format!("     {question}"))?;
             let typed = answer().await?.replace(',', ".");
@@ -300,18 +276,15 @@ async fn measure_in_simulator(driver: &mut Driver, sim: &Handle) -> Result<Measu
     }
     ready(driver.status())?;
     let mut speeds = Vec::new();
-    for (direction, millis) in [
-        (-1.0, SIM_SHORT),
-        (1.0, SIM_SHORT),
-        (-1.0, SIM_LONG),
-        (1.0, SIM_LONG),
-    ] {
-        let seen = watch(driver, sim, Plan::straight(direction, millis)).await?;
-        speeds.push(rate(&seen, |a, b| a.pose.point().distance(b.pose.point()))?);
+    for millis in [SIM_SHORT, SIM_LONG] {
+        for percent in [-POWER, POWER] {
+            let seen = watch(driver, sim, straight(percent), millis).await?;
+            speeds.push(rate(&seen, |a, b| a.pose.point().distance(b.pose.point()))?);
+        }
     }
     let mut turnings = Vec::new();
-    for direction in [1.0, -1.0] {
-        let seen = watch(driver, sim, Plan::turn(direction, SIM_TURN)).await?;
+    for percent in [POWER, -POWER] {
+        let seen = watch(driver, sim, turn(percent), SIM_TURN).await?;
         turnings.push(rate(&seen, |a, b| turned(a, b).abs())?);
     }
     let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
@@ -322,10 +295,15 @@ async fn measure_in_simulator(driver: &mut Driver, sim: &Handle) -> Result<Measu
 }
 
 /// Drives a step and returns the states while the tracks are at full speed.
-async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<State>, Failure> {
+async fn watch(
+    driver: &mut Driver,
+    sim: &Handle,
+    setpoint: Setpoint,
+    millis: u64,
+) -> Result<Vec<State>, Failure> {
     let before = sim.state().collisions;
     let mut seen = Vec::<State>::new();
-    let driving = drive_once(driver, plan.setpoint, plan.duration);
+    let driving = drive_once(driver, setpoint, Duration::from_millis(millis));
     tokio::pin!(driving);
     let mut last = sim.state().time;
     loop {

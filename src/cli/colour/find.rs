@@ -1,15 +1,15 @@
 //! `spykee colour find`: runs a script's `find_blobs` on pictures.
 
 use std::collections::BTreeSet;
-use std::io::Cursor;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
-use image::{ImageFormat, RgbImage};
+use image::RgbImage;
 use serde_json::json;
 
 use super::{of_names, parse_roi, part, read_picture, unusable_picture};
 use crate::cli::settings::CommandSettings;
 use crate::cli::table::aligned;
+use crate::cli::world::save;
 use crate::cli::{Console, Exit, Failure, argument, print, print_json};
 use crate::vision::{
     Annotation, Blob, BlobOptions, Colour, FrameAnalyser, Image, Roi, Size, annotate_enlarged,
@@ -294,12 +294,7 @@ impl MarkedPictures {
             MarkedPictures::File(path) => path.clone(),
             MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),
         };
-        let cannot = |error: String| Failure::unwritable(&path, error);
-        let mut png = Cursor::new(Vec::new());
-        marked
-            .write_to(&mut png, ImageFormat::Png)
-            .map_err(|error| cannot(error.to_string()))?;
-        std::fs::write(&path, png.into_inner()).map_err(|error| cannot(error.to_string()))
+        save(marked, &path)
     }
 }
 

@@ -291,8 +291,8 @@ async fn is_answered(session: &mut RobotSession, question: Command) -> Result<bo
     Ok(true)
 }
 
-/// Lets the robot leave its station, and finds out which way. It does that by itself, and ends it by
-/// itself.
+/// Lets the robot leave its station, and finds out which way. It does that by itself, and ends it
+/// by itself.
 async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<(), Failure> {
     const WHAT: &str = "leaves its station";
     print("\n4  It leaves its station, by half a metre or so.\n")?;

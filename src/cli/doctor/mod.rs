@@ -8,7 +8,9 @@ use serde::Serialize;
 
 use super::settings::CommandSettings;
 use super::{ConnectionArgs, Exit, Failure, print, print_json};
+use crate::clock::Clock;
 use crate::config::Effective;
+use crate::sandbox::Restrictions;
 use crate::sanitize;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
@@ -16,10 +18,10 @@ use crate::sanitize;
 /// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. If a robot is named,
 /// the command logs in for some seconds and stops the tracks.
 ///
-/// With --first it then gets to know a robot, with a person beside it, in about ten minutes: how its
-/// program executes commands, what its battery level means, how it leaves its station, the least
-/// power that moves it, and whether it stops without a connection. It says what it will do, asks
-/// before each motion, and writes the config, or prints its lines if there is one.
+/// With --first it then gets to know a robot, with a person beside it, in about ten minutes: how
+/// its program executes commands, what its battery level means, how it leaves its station, the
+/// least power that moves it, and whether it stops without a connection. It says what it will do,
+/// asks before each motion, and writes the config, or prints its lines if there is one.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
@@ -111,10 +113,10 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     };
     let checked = check_config(settings, &mut report);
     for result in [
-        computer::clock(),
+        computer::clock(Clock::default().now()),
         computer::disk(checked.config.data_folder()),
         computer::landlock(),
-        computer::seccomp(),
+        computer::seccomp(Restrictions::supported().calls),
         computer::terminal(),
     ] {
         report.add(result);

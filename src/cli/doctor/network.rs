@@ -10,6 +10,7 @@ use super::{CheckResult, DoctorReport, Verdict};
 use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
 use crate::cli::robot::{RobotSession, video};
+use crate::cli::status::charge;
 use crate::cli::{ConnectionArgs, Exit, Failure, block_on};
 use crate::config::{Config, Effective};
 use crate::link::{self, Executes, Session, Target, discover};
@@ -130,11 +131,11 @@ async fn robot(target: &RobotTarget, report: &mut DoctorReport) {
     );
     report.add(CheckResult::ok("login", found));
     report.add(battery(&session.link, &target.config));
-    let checked = check_link(&mut session, &target.config, report).await;
-    if let Err(failure) = match checked {
+    let ended = match check_link(&mut session, &target.config, report).await {
         Ok(()) => session.end().await,
-        failed => failed,
-    } {
+        lost => lost,
+    };
+    if let Err(failure) = ended {
         let help = failure.help.unwrap_or_default();
         report.add(CheckResult::fail("link", failure.what, &help));
     }
@@ -201,8 +202,7 @@ async fn check_reachable(target: &Target) -> CheckResult {
 
 fn battery(session: &Session, config: &Config) -> CheckResult {
     let battery = Battery::reported(session.power);
-    let charging = if battery.charging { ", charging" } else { "" };
-    let found = format!("{}{charging}", battery.level());
+    let found = charge(battery);
     let low = |percent| percent <= config.watchdog.low;
     if battery.charging || !battery.percent.is_some_and(low) {
         return CheckResult::ok("battery", found);
@@ -234,8 +234,8 @@ async fn latency(session: &mut RobotSession) -> Result<CheckResult, Failure> {
 }
 
 /// Whether the robot's program answers questions, and how fast it executes what it is sent. Several
-/// questions at once keep it busy from one answer to the next. Without an answer, the writer then asks
-/// another kind of question.
+/// questions at once keep it busy from one answer to the next. Without an answer, the writer then
+/// asks another kind of question.
 pub(super) async fn execution(session: &mut RobotSession) -> Result<Executes, Failure> {
     let Session { reader, writer, .. } = &mut session.link;
     for _kind in [Command::PowerQuery, Command::ConfigQuery] {

@@ -1,5 +1,5 @@
-//! The scripts of a class: a folder with a folder or a script for each learner; and which of them have
-//! nearly the same text.
+//! The scripts of a class: a folder with a folder or a script for each learner; and which of them
+//! have nearly the same text.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -116,8 +116,8 @@ pub(super) struct Pair {
 }
 
 /// All pairs of scripts with nearly the same text, the most similar first. Ignores lines from the
-/// lesson's starter, and texts that are too short: solutions of a few lines are similar without being
-/// copied.
+/// lesson's starter, and texts that are too short: solutions of a few lines are similar without
+/// being copied.
 pub(super) fn pairs(texts: &[Option<String>], starter: &str) -> Vec<Pair> {
     let own = |text: &Option<String>| text.as_deref().and_then(|text| own_words(text, starter));
     let own: Vec<Option<String>> = texts.iter().map(own).collect();

@@ -1,17 +1,17 @@
-//! `spykee robot led`, `play` and `volume`, which send a command and wait for its acknowledgement, and
-//! `say`, which plays a sound file through the robot's speaker.
+//! `spykee robot led`, `play` and `volume`, which send a command and wait for its acknowledgement,
+//! and `say`, which plays a sound file through the robot's speaker.
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 
+use super::drive_robot;
 use super::session::with_session;
-use crate::cli::driver::drive;
 use crate::cli::running::{REPLY_TIMEOUT, SharedTargetArgs, order};
 use crate::cli::settings::CommandSettings;
-use crate::cli::{Exit, Failure, argument, block_on};
+use crate::cli::{Exit, Failure, argument};
 use crate::control::{MAX_SPEECH, RunRequest};
 use crate::robot::{Percent, Use};
 use crate::wire::{Command, Led, Sound};
@@ -21,8 +21,9 @@ use crate::wire::{Command, Led, Sound};
 #[command(after_help = "Example: spykee robot led flash on --robot 172.17.6.1")]
 pub(super) struct LedArgs {
     /// The light
-    #[arg(value_parser = PossibleValuesParser::new(Led::ALL.iter().map(|led| led.name())))]
-    led: String,
+    #[arg(value_parser = PossibleValuesParser::new(Led::ALL.iter().map(|led| led.name()))
+          .try_map(|name| Led::from_name(&name).ok_or("no such light")))]
+    led: Led,
     /// The new state
     #[arg(value_name = "on|off", value_parser = ["on", "off"])]
     state: String,
@@ -40,8 +41,9 @@ pub(super) struct LedArgs {
 pub(super) struct PlayArgs {
     /// The sound
     #[arg(required_unless_present = "stop",
-          value_parser = PossibleValuesParser::new(Sound::ALL.iter().map(|sound| sound.name())))]
-    sound: Option<String>,
+          value_parser = PossibleValuesParser::new(Sound::ALL.iter().map(|sound| sound.name()))
+          .try_map(|name| Sound::from_name(&name).ok_or("no such sound")))]
+    sound: Option<Sound>,
     /// Stop the music
     #[arg(long, conflicts_with = "sound")]
     stop: bool,
@@ -62,20 +64,17 @@ pub(super) struct VolumeArgs {
 }
 
 pub(super) fn led(args: &LedArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let led = Led::from_name(&args.led)
-        .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
+    let led = args.led;
     let on = args.state == "on";
     let request = RunRequest::Led { light: led, on };
     send_command(&args.target, settings, Command::Led { led, on }, request)
 }
 
 pub(super) fn play(args: &PlayArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let Some(name) = &args.sound else {
+    let Some(sound) = args.sound else {
         let request = RunRequest::StopSound;
         return send_command(&args.target, settings, Command::StopSound, request);
     };
-    let sound = Sound::from_name(name)
-        .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
     let request = RunRequest::Play { sound };
     send_command(&args.target, settings, Command::Play(sound), request)
 }
@@ -142,16 +141,14 @@ pub(super) fn say(args: &SayArgs, settings: &CommandSettings) -> Result<Exit, Fa
         };
         return order(&run, &request, length + SLACK);
     }
-    let seed = rand::random();
-    let target = args.target.connection.resolve(settings, seed)?;
-    if target.config.streams.audio_out == Use::Off {
+    if settings.config()?.streams.audio_out == Use::Off {
         let failure = Failure::usage("the config keeps the speaker off");
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
-    block_on(drive(target.driver_parts(seed)?, async |driver| {
+    drive_robot(&args.target.connection, settings, async |driver| {
         driver.say(samples).await?;
         Ok(Exit::Done)
-    }))?
+    })
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {

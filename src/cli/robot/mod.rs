@@ -15,16 +15,17 @@ pub(super) use snapshot::{video, with_picture};
 
 use clap::Subcommand;
 
+use super::driver::{Driver, drive};
 use super::settings::CommandSettings;
-use super::{Console, Exit, Failure};
+use super::{ConnectionArgs, Console, Exit, Failure, block_on};
 
 /// Send the robot a single command: battery, docking, lights, a picture, its settings
 ///
 /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
 /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
 /// snapshot, dock, undock, stop, reset-stop, led, play, volume and say go through it; without
-/// --robot they address the only active run, stop and reset-stop all of them. With --url they go through a service on another
-/// computer. If any other program uses the robot, end it first.
+/// --robot they address the only active run, stop and reset-stop all of them. With --url they go
+/// through a service on another computer. If any other program uses the robot, end it first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -98,4 +99,15 @@ pub(super) fn run(
         RobotCommand::Wifi(args) => settings::wifi(args, settings),
         RobotCommand::UploadSound(args) => upload::upload(args, settings, console),
     }
+}
+
+/// Drives the robot that the flags or the config name: see [`drive`].
+fn drive_robot(
+    connection: &ConnectionArgs,
+    settings: &CommandSettings,
+    job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
+    let seed = rand::random();
+    let target = connection.resolve(settings, seed)?;
+    block_on(drive(target.driver_parts(seed)?, job))?
 }

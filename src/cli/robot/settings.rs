@@ -42,10 +42,7 @@ pub(super) struct SettingArgs {
 pub(super) fn config(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, Failure> {
     let wanted = wanted(args)?;
     with_exclusive_session(&args.connection, used, async |session| {
-        let mut settings = settings(session).await?;
-        if !wanted.is_empty() {
-            settings = change(session, args, &settings, &wanted).await?;
-        }
+        let settings = change(session, args, &wanted, |_| true).await?;
         if args.json {
             print_json(&object(&settings))?
         } else {
@@ -64,12 +61,7 @@ pub(super) fn wifi(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, F
         );
     }
     with_exclusive_session(&args.connection, used, async |session| {
-        let mut own = settings(session).await?;
-        own.retain(|setting| concerns_network(&setting.key));
-        if !wanted.is_empty() {
-            own = change(session, args, &own, &wanted).await?;
-            own.retain(|setting| concerns_network(&setting.key));
-        }
+        let own = change(session, args, &wanted, concerns_network).await?;
         let pick = |report| match report {
             Report::Networks(text) => Some(text),
             _ => None,
@@ -112,13 +104,19 @@ async fn settings(session: &mut RobotSession) -> Result<Vec<Setting>, Failure> {
     Ok(parse_settings(&join_settings(&messages)))
 }
 
-/// Checks the changes, asks for confirmation, sends them, and reads the settings back.
+/// The settings whose keys are meant. If some are to be changed: checks the changes, asks for
+/// confirmation, sends them, and reads the settings back.
 async fn change(
     session: &mut RobotSession,
     args: &SettingArgs,
-    listed: &[Setting],
     wanted: &[Setting],
+    is_meant: impl Fn(&str) -> bool,
 ) -> Result<Vec<Setting>, Failure> {
+    let mut listed = settings(session).await?;
+    listed.retain(|setting| is_meant(&setting.key));
+    if wanted.is_empty() {
+        return Ok(listed);
+    }
     if let Some(unknown) = wanted
         .iter()
         .find(|w| !listed.iter().any(|l| l.key == w.key))
@@ -136,7 +134,8 @@ async fn change(
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     let text = pairs.join("&").chars().map(byte).collect();
     session.send(&[Command::ConfigSet(text)]).await?;
-    let now = settings(session).await?;
+    let mut now = settings(session).await?;
+    now.retain(|setting| is_meant(&setting.key));
     match wanted.iter().find(|wanted| !now.contains(wanted)) {
         None => Ok(now),
         Some(refused) => {

@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use serde_json::json;
 
+use super::drive_robot;
 use crate::agent::Docked;
-use crate::cli::driver::drive;
 use crate::cli::running::{SharedTargetArgs, ask, unexpected_reply};
 use crate::cli::settings::CommandSettings;
-use crate::cli::{Exit, Failure, argument, block_on, print, print_json};
+use crate::cli::{Exit, Failure, argument, print, print_json};
 use crate::control::{RunRequest, RunResponse};
 use crate::robot::{DockEnd, DockPlan};
 
@@ -77,13 +77,10 @@ pub(super) fn dock(args: &DockArgs, settings: &CommandSettings) -> Result<Exit, 
         };
         return show_docked(args.json, docked, run.status.low);
     }
-    let seed = rand::random();
-    let target = args.target.connection.resolve(settings, seed)?;
-    let docking = drive(target.driver_parts(seed)?, async |driver| {
+    drive_robot(&args.target.connection, settings, async |driver| {
         let docked = driver.dock(plan).await?;
         show_docked(args.json, docked, driver.status().low)
-    });
-    block_on(docking)?
+    })
 }
 
 fn show_docked(as_json: bool, docked: Docked, low: bool) -> Result<Exit, Failure> {
@@ -111,13 +108,10 @@ pub(super) fn undock(args: &UndockArgs, settings: &CommandSettings) -> Result<Ex
         };
         return show_undocked(args.json, end, run.status.low);
     }
-    let seed = rand::random();
-    let target = args.target.connection.resolve(settings, seed)?;
-    let undocking = drive(target.driver_parts(seed)?, async |driver| {
+    drive_robot(&args.target.connection, settings, async |driver| {
         let end = driver.undock(limit).await?;
         show_undocked(args.json, end, driver.status().low)
-    });
-    block_on(undocking)?
+    })
 }
 
 fn show_undocked(as_json: bool, end: DockEnd, low: bool) -> Result<Exit, Failure> {

@@ -44,10 +44,10 @@ const KEEP_TIMEOUT: Duration = Duration::from_secs(2);
 /// code is 3 if it has not confirmed it. A run that does not answer is stopped by its guardian.
 ///
 /// Without a run, it logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again,
-/// and exits when the robot's side has acknowledged that. If the robot cannot be reached, or does not
-/// acknowledge within 2 s, retries until --timeout. A signal ends the retries, but not a try that has
-/// connected. While any other program is connected, the robot refuses further logins: that program
-/// must stop it.
+/// and exits when the robot's side has acknowledged that. If the robot cannot be reached, or does
+/// not acknowledge within 2 s, retries until --timeout. A signal ends the retries, but not a try
+/// that has connected. While any other program is connected, the robot refuses further logins: that
+/// program must stop it.
 ///
 /// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
@@ -329,8 +329,8 @@ async fn try_stop(
 ///
 /// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
 /// person releases it, also in later programs of the same data folder. This releases it in all runs
-/// and services of the data folder, or only in the one that uses the robot of --robot; with --url in
-/// the service there; without any, what an earlier program has left behind in the data folder.
+/// and services of the data folder, or only in the one that uses the robot of --robot; with --url
+/// in the service there; without any, what an earlier program has left behind in the data folder.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot reset-stop")]
 pub(super) struct ResetStopArgs {

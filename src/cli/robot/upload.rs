@@ -60,7 +60,7 @@ pub(super) fn upload(
 fn load(path: &Path) -> Result<Bytes, Failure> {
     let shown = path.display();
     let content = files::read_beginning(path, MAX_LEN as u64 + 1)
-        .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
+        .map_err(|error| Failure::unreadable(path, error))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
         return Err(failure.help("shorten it, or encode it with fewer kilobits per second"));

@@ -175,20 +175,8 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: [&str; 12] = [
-        "robot",
-        "user",
-        "password_file",
-        "watchdog",
-        "streams",
-        "data",
-        "logging",
-        "journal",
-        "notify",
-        "live",
-        "mqtt",
-        "service",
-    ];
+    const RESTART_KEYS: &str = "robot user password_file watchdog streams data logging journal notify \
+                                live mqtt service";
     let tree = |config: &Config| {
         let mut config = config.clone();
         config.service = Service {
@@ -200,7 +188,7 @@ fn warn_restart_needed(old: &Config, new: &Config) {
     let old = tree(old);
     let new = tree(new);
     let needs_restart = RESTART_KEYS
-        .into_iter()
+        .split(' ')
         .filter(|key| old.get(*key) != new.get(*key));
     let needs_restart: Vec<&str> = needs_restart.collect();
     if !needs_restart.is_empty() {

@@ -9,12 +9,12 @@ use tokio::sync::watch;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 
 use super::Walk;
-use crate::cli::calibrate::{drive_once, ready};
+use crate::cli::calibrate::{drive_once, ready, turn};
 use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
 use crate::link::AcceptedLogin;
 use crate::pilot::{Connector, Settings};
-use crate::robot::{MotionEnd, Pictures, Setpoint};
+use crate::robot::{MotionEnd, Pictures};
 use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance};
 
@@ -177,11 +177,6 @@ impl Eyes {
             }
         }
     }
-}
-
-/// A turn on the spot, to the left with positive power.
-fn turn(percent: f64) -> Setpoint {
-    Setpoint::from_percent(-percent, percent).unwrap_or(Setpoint::STOP)
 }
 
 /// Turns it left and right with rising power until its pictures change.
@@ -368,8 +363,8 @@ async fn turn_and_cut(
     Ok(Ok((drove, apart)))
 }
 
-/// Cuts the link of a pilot as a lost network does, and keeps it cut for a while. The pilot then owes
-/// a stop: it connects as soon as it may, and the guardian does if this program is gone.
+/// Cuts the link of a pilot as a lost network does, and keeps it cut for a while. The pilot then
+/// owes a stop: it connects as soon as it may, and the guardian does if this program is gone.
 pub(super) struct LinkCut {
     /// No attempt to connect begins before.
     until: watch::Sender<Instant>,
