@@ -93,7 +93,7 @@ impl PilotClient {
     /// Goes to the station, and returns the outcome.
     pub async fn dock(&mut self, plan: DockPlan) -> Result<DockOutcome, PilotClientError> {
         let call = CallId(self.next());
-self.call(Intent::Dock { call, plan }, |event| match event {
+        self.call(Intent::Dock { call, plan }, |event| match event {
             Event::DockEnded { call: of, outcome } if *of == call => Some(*outcome),
             _ => None,
         })

@@ -1,78 +1,44 @@
-//! Errors of invalid command-line arguments, and a parser of whole numbers.
+//! Parsers of arguments that several commands have, with errors that say what was expected.
 
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 use std::str::FromStr;
-
-use crate::behaviour::MAX_NAME;
-use crate::clock::ClockError;
-
-/// An invalid command-line argument; the message says what was expected.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum ArgumentError {
-    /// A whole number, such as `test --seeds`.
-    #[error("expected a whole number from {low} to {high}")]
-    Whole { low: u64, high: u64 },
-    /// `learn --name`.
-    #[error("expected a letter followed by letters, digits, _ or -, at most {0} characters in all")]
-    Colour(usize),
-    /// `history --since` and `--until`.
-    #[error(
-        "expected an age with its unit, such as 30m, 12h, 7d or 2w, or a date such as 2026-11-01 \
-         or 2026-11-01T21:30"
-    )]
-    Moment,
-    /// The name of a picture to write.
-    #[error("expected a file that ends in .png")]
-    Png,
-    /// `new NAME`.
-    #[error(
-        "expected at most {MAX_NAME} letters, digits, `_` and `-`, beginning with a letter and not \
-         ending in `_test`"
-    )]
-    Project,
-    /// `--timeout` of tests and lessons.
-    #[error("expected a number of seconds, 0.1 to 86400")]
-    Timeout,
-    /// `discover --timeout`: not a number.
-    #[error("expected a number of seconds")]
-    Number,
-    /// `discover --timeout`: too short or too long.
-    #[error("expected 0.1 to 60 seconds")]
-    Search,
-    /// `--roi`.
-    #[error("expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1")]
-    Roi,
-    /// `lesson`: neither a lesson's number nor its name.
-    #[error("expected a lesson's name or a number from 1 to {0}; `spykee lesson list` shows them")]
-    Lesson(usize),
-    /// `service --user`.
-    #[error("expected a user name: at most 31 letters, digits, -, _ and dots")]
-    User,
-    /// `--param`.
-    #[error("expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE")]
-    Param,
-    /// `behaviour start --for`: not a duration.
-    #[error(transparent)]
-    Span(#[from] ClockError),
-    /// `behaviour start --for 0s`.
-    #[error("expected a duration above zero")]
-    NoTime,
-}
+use std::time::Duration;
 
 /// A parser of whole numbers within a range. Clap's own one names it as Rust does: `1..=600`.
 pub(super) fn whole<T>(
     range: RangeInclusive<T>,
-) -> impl Fn(&str) -> Result<T, ArgumentError> + Clone + Send + Sync + 'static
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static
 where
     T: Copy + FromStr + Into<u64> + PartialOrd + Send + Sync + 'static,
 {
     move |text: &str| {
         let number = text.parse::<T>().ok();
         let number = number.filter(|number| range.contains(number));
-        number.ok_or_else(|| ArgumentError::Whole {
-            low: (*range.start()).into(),
-            high: (*range.end()).into(),
+        number.ok_or_else(|| {
+            let low: u64 = (*range.start()).into();
+            let high: u64 = (*range.end()).into();
+            format!("expected a whole number from {low} to {high}")
         })
+    }
+}
+
+/// A parser of a time limit in seconds, from a tenth up to this many.
+pub(super) fn seconds(
+    most: f64,
+) -> impl Fn(&str) -> Result<Duration, String> + Clone + Send + Sync + 'static {
+    move |text: &str| match text.parse() {
+        Ok(seconds) if (0.1..=most).contains(&seconds) => Ok(Duration::from_secs_f64(seconds)),
+        _ => Err(format!("expected a number of seconds, 0.1 to {most}")),
+    }
+}
+
+/// Parses the name of a file that ends in `.png`.
+pub(super) fn png(text: &str) -> Result<PathBuf, &'static str> {
+    let path = PathBuf::from(text);
+    match path.extension() {
+        Some(ending) if ending.eq_ignore_ascii_case("png") => Ok(path),
+        _ => Err("expected a file that ends in .png"),
     }
 }
 
@@ -86,12 +52,13 @@ mod tests {
         let parse = whole::<u16>(1..=10_000);
         assert_eq!((parse("1"), parse("10000")), (Ok(1), Ok(10_000)));
         for wrong in ["0", "10001", "70000", "-1", "1.5", "", "ten"] {
-            let error = parse(wrong).unwrap_err().to_string();
+            let error = parse(wrong).unwrap_err();
             assert_eq!(error, "expected a whole number from 1 to 10000", "{wrong}");
         }
     }
 
-    /// Collects one command line for each argument of each command, with a number that is too large.
+    /// Collects one command line for each argument of each command, with a number that is too
+    /// large.
     fn attempts(path: &[String], command: &clap::Command, found: &mut Vec<Vec<String>>) {
         for argument in command.get_arguments() {
             let value = "9999999999";

@@ -1,87 +1,66 @@
-//! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: simulator, driving
-//! core, agent, page, broker, journal, notifications and the socket for other commands.
+//! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core,
+//! agent, page, broker, journal, notifications and the socket for other commands.
 
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::runtime::{Handle, Runtime};
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{Notify, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::embedded::{EmbeddedSim, Simulated};
+use super::connection::RobotTarget;
+use super::interrupt::handle_signals;
 use super::live::PageInputs;
-use super::robot_target::{ChosenRobot, connector};
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
-    refuse_if_stopped, rescue, runtime, warn_of_unpaid_stop,
+    refuse_if_stopped, rescue, runtime, serve, warn_of_unpaid_stop,
 };
-use super::status::StatusLine;
-use super::{Console, Failure, RUNTIME_LIMIT, broker, notify};
+use super::status::{StatusLine, show};
+use super::world::{EmbeddedSim, TraceFile};
+use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, notify};
 use crate::agent::{
-    Agent, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Plan, retry_until_connected,
+    Agent, AgentError, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan,
+    retry_until_connected,
 };
-use crate::clock::Clock;
-use crate::config::Effective;
+use crate::behaviour::is_failure;
+use crate::clock::{Clock, Date, Zone};
+use crate::config::{Config, Effective};
 use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
-use crate::journal::Journal;
-use crate::live::{Live, RunDefinition};
+use crate::live::RunDefinition;
 use crate::mqtt::Account;
-use crate::notify::Notifier;
 use crate::pilot::{DrivingCore, Status};
-use crate::robot::channel::Request;
-use crate::sim::{self, Firmware};
+use crate::robot::EndReason;
 use crate::timetable::View;
-use crate::wire::Login;
 
 /// What distinguishes one run from another.
 pub(super) struct RunSetup<'a> {
-    /// The settings; the page's address may come from a flag.
     pub(super) settings: &'a Effective,
-    pub(super) robot: ChosenRobot,
-    pub(super) login: Login,
+    /// The robot, with the config in effect: flags may change that of the settings.
+    pub(super) robot: RobotTarget,
     pub(super) seed: u64,
-    pub(super) firmware: Firmware,
     /// Retry until the robot answers.
     pub(super) waits: bool,
-    /// Start although a person's STOP holds.
-    pub(super) waits_for_reset: bool,
     pub(super) keeps_journal: bool,
     pub(super) clock: Clock,
     /// The beginning of the status line.
     pub(super) names: String,
     pub(super) behaviours: Vec<Behaviour>,
     pub(super) specs: Vec<BehaviourSpec>,
-    /// Continue when no behaviour runs.
-    pub(super) stays: bool,
     pub(super) limit: Option<Duration>,
     /// What the page knows of the behaviours, if the run has a page.
     pub(super) page: Option<watch::Receiver<RunDefinition>>,
+    /// The picture of a simulated robot's path, drawn at the end.
+    pub(super) trace: Option<TraceFile>,
+    pub(super) service: Option<ServiceSetup>,
+}
+
+/// What a service has beyond a single run. It handles SIGHUP itself, also starts while a person's
+/// STOP holds, and goes on when no behaviour runs.
+pub(super) struct ServiceSetup {
     /// Told of each heartbeat of the driving core.
-    pub(super) beats: Option<Arc<Notify>>,
-}
-
-/// A run that is ready to start.
-pub(super) struct Assembly {
-    runtime: Runtime,
-    core: DrivingCore,
-    sim: Option<EmbeddedSim>,
-    journal: Option<Journal>,
-    notifier: Option<Notifier>,
-    emergency_stop: EmergencyStop,
-    parts: RunParts,
-}
-
-/// The parts of a run that live on its runtime.
-pub(super) struct RunParts {
-    plan: Plan,
-    line: StatusLine,
-    server: io::Result<ControlServer>,
-    target: String,
-    emergency_stop: EmergencyStop,
-    page: Option<(PageInputs, Option<sim::Handle>)>,
-    account: Option<Account>,
+    pub(super) beats: Arc<Notify>,
+    pub(super) view: watch::Receiver<View>,
 }
 
 /// A run whose agent can be run.
@@ -89,158 +68,222 @@ pub(super) struct StartedRun {
     pub(super) agent: Agent,
     pub(super) status: watch::Receiver<Status>,
     pub(super) bus: Bus,
-    pub(super) run: control::Run,
-    pub(super) line: StatusLine,
-    pub(super) server: io::Result<ControlServer>,
-    pub(super) mqtt: Option<crate::side_thread::SideThread>,
-    /// Ends with the run.
-    _page: Option<Live>,
+    /// Cancelled by signals; ends the run.
+    pub(super) stop: CancellationToken,
 }
 
-impl Assembly {
-    /// Starts simulator, driving core, guardian, journal and notifications.
-    pub(super) fn new(setup: RunSetup<'_>) -> Result<Assembly, Failure> {
-        let config = &setup.settings.config;
+/// The parts around the agent.
+struct Parts {
+    plan: Plan,
+    attempts: ConnectAttempts,
+    server: io::Result<ControlServer>,
+    emergency_stop: EmergencyStop,
+    account: Option<Account>,
+}
+
+impl RunSetup<'_> {
+    /// Starts everything that a run needs, has `drive` run the agent, and ends the rest.
+    pub(super) fn run(
+        mut self,
+        console: &Console,
+        drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
+    ) -> Result<Exit, Failure> {
+        let settings = self.settings;
+        let config = &self.robot.config;
+        let simulated = self.robot.sim.is_some();
         let runtime = runtime()?;
-        let kind = Simulated {
-            faults: setup.page.is_some(),
-            firmware: setup.firmware,
-        };
-        let (target, sim) = setup.robot.start(&setup.login, setup.seed, kind)?;
         // A person can release a STOP that holds at a page, and a service waits for that.
-        if setup.page.is_none() && !setup.waits_for_reset {
-            refuse_if_stopped(config, sim.is_some())?;
+        if self.page.is_none() && self.service.is_none() {
+            refuse_if_stopped(config, simulated)?;
         }
         warn_of_unpaid_stop(config);
         let bus = Bus::default();
-        let emergency_stop = emergency_stop(config, sim.is_some(), &bus);
-        let handle = sim.as_ref().map(EmbeddedSim::handle);
-        let simulated = sim.is_some();
+        let emergency_stop = emergency_stop(config, simulated, &bus);
         let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
         let attempts = ConnectAttempts::default();
-        let mut connector = connector(target.clone(), setup.login);
-        if setup.waits {
-            connector = retry_until_connected(connector, setup.seed, attempts.clone());
+        let parts = Parts {
+            plan: self.plan(&core, &bus, &attempts)?,
+            attempts,
+            server,
+            emergency_stop: emergency_stop.clone(),
+            account: fleet::account_of_run(settings)?,
+        };
+        let journal = if self.keeps_journal {
+            let target = self.robot.address.to_string();
+            journal(&self.robot.config, &bus, &target, simulated, self.clock)
+        } else {
+            None
+        };
+        let notifier = notify::start(settings, &bus)?;
+        let trace = self.trace.take();
+        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
+        let outcome = runtime.block_on(self.run_agent(parts, console, drive));
+        drop(core);
+        runtime.shutdown_timeout(RUNTIME_LIMIT);
+        emergency_stop.finish(JOURNAL_END);
+        journal.map(|journal| journal.finish(JOURNAL_END));
+        notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
+        // Also drawn for a run that failed or was interrupted, where it is most useful.
+        let drawn = match (trace, &sim) {
+            (Some(trace), Some(sim)) => trace.write(sim),
+            _ => Ok(()),
+        };
+        outcome.and_then(|exit| drawn.map(|()| exit))
+    }
+
+    fn plan(
+        &mut self,
+        core: &DrivingCore,
+        bus: &Bus,
+        attempts: &ConnectAttempts,
+    ) -> Result<Plan, Failure> {
+        let config = &self.robot.config;
+        let simulated = self.robot.sim.is_some();
+        let mut connector = self.robot.connector();
+        if self.waits {
+            connector = retry_until_connected(connector, self.seed, attempts.clone());
         }
         let mut heartbeat = heartbeat(simulated, guardian_files(config))?;
-        if let Some(beats) = setup.beats {
-            heartbeat = heartbeat.notify_beats(beats);
+        if let Some(service) = &self.service {
+            heartbeat = heartbeat.notify_beats(service.beats.clone());
         }
-        let page = setup.page.map(|page| PageInputs::new(config, page, &bus));
-        let plan = Plan {
-            behaviours: setup.behaviours,
-            specs: setup.specs,
-            stays: setup.stays,
-            settings: config.pilot(simulated, setup.seed),
+        Ok(Plan {
+            behaviours: std::mem::take(&mut self.behaviours),
+            specs: std::mem::take(&mut self.specs),
+            stays: self.page.is_some() || self.service.is_some(),
+            settings: config.pilot(simulated, self.seed),
             connector,
             launcher: launcher()?,
             core: core.handle().clone(),
             heartbeat: Some(heartbeat),
-            rescue: rescue(config, setup.seed)?,
-            limit: setup.limit,
+            rescue: rescue(config, self.seed)?,
+            limit: self.limit,
             bus: bus.clone(),
-        };
-        let target = target.to_string();
-        let account = broker::of_run(setup.settings)?;
-        let journal = if setup.keeps_journal {
-            journal(config, &bus, &target, simulated, setup.clock)
-        } else {
-            None
-        };
-        Ok(Assembly {
-            runtime,
-            core,
-            journal,
-            notifier: notify::start(setup.settings, &bus)?,
-            emergency_stop: emergency_stop.clone(),
-            parts: RunParts {
-                plan,
-                line: StatusLine::new(setup.names, handle.clone(), attempts),
-                server,
-                target,
-                emergency_stop,
-                page: page.map(|page| (page, handle)),
-                account,
-            },
-            sim,
         })
     }
 
-    /// The simulated robot.
-    pub(super) fn sim(&self) -> Option<sim::Handle> {
-        self.sim.as_ref().map(EmbeddedSim::handle)
-    }
-
-    /// Runs to the end, then ends everything beside the agent.
-    pub(super) fn run<T>(self, drive: impl AsyncFnOnce(RunParts) -> T) -> T {
-        let outcome = self.runtime.block_on(drive(self.parts));
-        drop(self.core);
-        self.runtime.shutdown_timeout(RUNTIME_LIMIT);
-        self.emergency_stop.finish(JOURNAL_END);
-        self.journal.map(|journal| journal.finish(JOURNAL_END));
-        let notifier = self.notifier;
-        notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
-        outcome
-    }
-}
-
-impl RunParts {
-    /// Starts the agent's parts, page and broker. Signals cancel `stop`; `end` ends a run at a
-    /// person's request.
-    pub(super) fn start(
+    /// Runs the agent, and serves page, broker and other commands meanwhile.
+    async fn run_agent(
         self,
-        stop: &CancellationToken,
-        end: Option<CancellationToken>,
-        handle_signals: fn(
-            &Handle,
-            mpsc::Sender<Request>,
-            CancellationToken,
-        ) -> Result<(), Failure>,
-        view: watch::Receiver<View>,
+        parts: Parts,
         console: &Console,
-    ) -> Result<StartedRun, Failure> {
-        let core = self.plan.core.clone();
-        let bus = self.plan.bus.clone();
-        let streams = self.plan.settings.streams;
-        let simulated = self.plan.settings.simulated;
-        let (agent, status) = Agent::new(self.plan);
-        self.emergency_stop.restore(&agent.requests());
-        handle_signals(&core, agent.requests(), stop.clone())?;
-        let (page, sim) = match self.page {
-            Some((page, sim)) => (Some(page), sim.map(SimulatedRobot::from)),
-            None => (None, None),
-        };
-        let run = control::Run {
+        drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
+    ) -> Result<Exit, Failure> {
+        let core = parts.plan.core.clone();
+        let bus = parts.plan.bus.clone();
+        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
+        let page = self.page;
+        let page = page.map(|page| PageInputs::new(&self.robot.config, page, &bus));
+        let stop = CancellationToken::new();
+        let (agent, status) = Agent::new(parts.plan);
+        parts.emergency_stop.restore(&agent.requests());
+        let is_service = self.service.is_some();
+        let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
+        handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
+        let shared = control::Run {
             requests: agent.requests(),
             roster: agent.roster(),
             status: status.clone(),
             pictures: agent.pictures(),
             reactions: agent.reactions(),
-            end,
-            emergency_stop: self.emergency_stop,
-            streams,
-            target: self.target,
-            simulated,
-            sim,
+            end: None,
+            emergency_stop: parts.emergency_stop,
+            streams: self.robot.config.streams,
+            target: self.robot.address.to_string(),
+            simulated: sim.is_some(),
+            sim: page.as_ref().and(sim.clone()).map(SimulatedRobot::from),
             began: Instant::now(),
-            view,
+            // A single run has no timetable.
+            view: self
+                .service
+                .map_or_else(|| View::channel().1, |service| service.view),
         };
         // Only the command line ends a run: a person at the page could not release its STOP.
-        let shared = control::Run {
-            end: None,
-            ..run.clone()
+        let run = control::Run {
+            end: if is_service { None } else { Some(stop.clone()) },
+            ..shared.clone()
         };
         let page = page.map(|page| page.serve(shared.clone(), console));
-        Ok(StartedRun {
+        let _page = page.transpose()?;
+        let mqtt = fleet::start_broker(&bus, &shared, parts.account);
+        let line = StatusLine::new(self.names, sim, parts.attempts);
+        let started = StartedRun {
             agent,
-            status,
-            line: self.line,
-            server: self.server,
-            _page: page.transpose()?,
-            mqtt: broker::start(&bus, &shared, self.account),
+            status: status.clone(),
             bus,
-            run,
-        })
+            stop,
+        };
+        let exit = tokio::select! {
+            exit = drive(started) => exit,
+            never = show(line, status, console, is_service, String::new) => match never {},
+            never = serve(parts.server, run) => match never {},
+        };
+        mqtt.map(|mqtt| mqtt.finish(fleet::BROKER_END));
+        exit
+    }
+}
+
+/// The exit code for the outcome of a run, or of a service, which behaviours and signals do not
+/// make fail.
+pub(super) fn exit_of(
+    outcome: Result<Outcome, AgentError>,
+    is_service: bool,
+) -> Result<Exit, Failure> {
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(AgentError::Link(error)) if error.is_final() => return Err(error.into()),
+        Err(AgentError::Link(error)) => {
+            let help = error.help();
+            return Err(Failure::from(error).help(format!(
+                "{help}; `spykee run --wait` retries until it answers"
+            )));
+        }
+        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Failed, error)),
+    };
+    let ended_by = |is: fn(EndReason) -> bool| {
+        let mut exits = outcome.exits.iter();
+        !is_service && exits.any(|(_, exit)| is(exit.reason))
+    };
+    let interrupted = outcome.interrupted && !is_service;
+    Ok(if outcome.owes_stop {
+        Exit::Unreachable
+    } else if interrupted && outcome.safety {
+        Exit::Safety
+    } else if interrupted {
+        Exit::Interrupted
+    } else if ended_by(is_failure) {
+        Exit::Failed
+    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
+        Exit::Safety
+    } else {
+        Exit::Done
+    })
+}
+
+/// Refuses `--date` for a real robot.
+pub(super) fn refuse_date_unless(simulated: bool, date: Option<Date>) -> Result<(), Failure> {
+    if simulated || date.is_none() {
+        return Ok(());
+    }
+    let failure = Failure::usage("--date needs --sim: a real robot uses today's date");
+    Err(failure.help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\""))
+}
+
+/// The clock for scripts and for the journal: the computer's, unless `--date` sets that of a
+/// simulation. A fast one has its own.
+pub(super) fn clock(date: Option<Date>, fast: bool, config: &Config) -> Clock {
+    match date {
+        Some(date) if !fast => Clock::set_to(date.at(&config.zone())),
+        _ => Clock::default(),
+    }
+}
+
+/// The time zone. A fast run does not use the computer's, to be the same on every computer.
+pub(super) fn zone(fast: bool, config: &Config) -> Zone {
+    if fast {
+        config.time_zone.clone().unwrap_or_else(Zone::utc)
+    } else {
+        config.zone()
     }
 }

@@ -4,12 +4,10 @@ use std::time::Duration;
 
 use clap::Subcommand;
 
-use super::argument::ArgumentError;
-use super::running::RemoteArgs;
-use super::running::{ask, find_run_of_target, unexpected_reply};
-use super::settings::SettingsArgs;
-use super::table::{Side, aligned};
-use super::{Exit, Failure, print};
+use super::running::{RemoteArgs, ask, find_run_of_target, order, unexpected_reply};
+use super::settings::CommandSettings;
+use super::table::aligned;
+use super::{Exit, Failure, print, print_json};
 use crate::clock::{self, Span};
 use crate::control::{BehaviourListing, Change, Client, RunRequest, RunResponse};
 use crate::link::Target;
@@ -17,13 +15,7 @@ use crate::link::Target;
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(15);
 
-const HEAD: [(&str, Side); 5] = [
-    ("BEHAVIOUR", Side::Left),
-    ("STATE", Side::Left),
-    ("RUNNING", Side::Right),
-    ("PRIORITY", Side::Right),
-    ("LAST ENDED", Side::Left),
-];
+const HEAD: &str = "BEHAVIOUR|STATE|>RUNNING|>PRIORITY|LAST ENDED";
 
 /// Start, stop, restart or list the behaviours of an active run
 ///
@@ -85,12 +77,11 @@ struct StartArgs {
 }
 
 /// Parses a duration above zero.
-fn parse_duration(text: &str) -> Result<Span, ArgumentError> {
-    let span: Span = text.parse()?;
-    if span.get().is_zero() {
-        return Err(ArgumentError::NoTime);
+fn parse_duration(text: &str) -> Result<Span, String> {
+    match text.parse::<Span>() {
+        Ok(span) if span.get().is_zero() => Err("expected a duration above zero".to_owned()),
+        span => span.map_err(|error| error.to_string()),
     }
-    Ok(span)
 }
 
 /// Selects the run.
@@ -101,85 +92,67 @@ struct WhichArgs {
     robot: Option<Target>,
     #[command(flatten)]
     remote: RemoteArgs,
-    #[command(flatten)]
-    settings: SettingsArgs,
-}
-
-impl BehaviourArgs {
-    /// The settings of the chosen subcommand.
-    pub(super) fn settings(&self) -> &SettingsArgs {
-        match &self.command {
-            BehaviourCommand::List(args) => &args.which.settings,
-            BehaviourCommand::Start(args) => &args.name.which.settings,
-            BehaviourCommand::Stop(args) | BehaviourCommand::Restart(args) => &args.which.settings,
-        }
-    }
 }
 
 /// Sends the request to the run and prints the reply.
-pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
-    match &args.command {
-        BehaviourCommand::List(args) => list(args),
-        BehaviourCommand::Start(StartArgs { lasts, name }) => change(name, Change::Start, *lasts),
-        BehaviourCommand::Stop(args) => change(args, Change::Stop, None),
-        BehaviourCommand::Restart(args) => change(args, Change::Restart, None),
-    }
+pub(super) fn run(args: &BehaviourArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let (args, wanted, lasts) = match &args.command {
+        BehaviourCommand::List(args) => return list(args, settings),
+        BehaviourCommand::Start(args) => (&args.name, Change::Start, args.lasts),
+        BehaviourCommand::Stop(args) => (args, Change::Stop, None),
+        BehaviourCommand::Restart(args) => (args, Change::Restart, None),
+    };
+    change(args, wanted, lasts, settings)
 }
 
-fn list(args: &ListArgs) -> Result<Exit, Failure> {
-    match ask(
-        &args.which.client()?,
-        &RunRequest::Behaviours,
-        CHANGE_TIMEOUT,
-    )? {
-        None => Ok(Exit::Interrupted),
-        Some(RunResponse::Behaviours { behaviours }) => {
-            if args.json {
-                let text = serde_json::to_string(&behaviours).map_err(Failure::internal)?;
-                print(&format!("{text}\n"))?;
-            } else if args.names {
-                let names = behaviours.iter().map(|one| one.name.as_str());
-                let plain = names.filter(|name| is_plain(name));
-                print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
-            } else {
-                let rows: Vec<Vec<String>> = behaviours.iter().map(row).collect();
-                print(&aligned(&HEAD, &rows))?;
-            }
-            Ok(Exit::Done)
-        }
-        Some(_) => Err(unexpected_reply()),
+fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let run = args.which.client(settings)?;
+    let RunResponse::Behaviours { behaviours } =
+        ask(&run, &RunRequest::Behaviours, CHANGE_TIMEOUT)?
+    else {
+        return Err(unexpected_reply());
+    };
+    if args.json {
+        print_json(&behaviours)?;
+    } else if args.names {
+        let names = behaviours.iter().map(|one| one.name.as_str());
+        let plain = names.filter(|name| is_plain(name));
+        print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
+    } else {
+        print(&aligned(HEAD, behaviours.iter().map(row)))?;
     }
+    Ok(Exit::Done)
 }
 
-fn change(args: &NameArgs, change: Change, lasts: Option<Span>) -> Result<Exit, Failure> {
+fn change(
+    args: &NameArgs,
+    change: Change,
+    lasts: Option<Span>,
+    settings: &CommandSettings,
+) -> Result<Exit, Failure> {
     let request = RunRequest::Behaviour {
         name: args.name.clone(),
         change,
         lasts,
     };
-    match ask(&args.which.client()?, &request, CHANGE_TIMEOUT)? {
-        None => Ok(Exit::Interrupted),
-        Some(RunResponse::Done) => {
-            let done = match (change, lasts) {
-                (Change::Start, None) => "runs".to_owned(),
-                (Change::Start, Some(lasts)) => {
-                    let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
-                    format!("runs, for {} at most", clock::hours(whole))
-                }
-                (Change::Stop, _) => "has ended".to_owned(),
-                (Change::Restart, _) => "restarted".to_owned(),
-            };
-            print(&format!("{} {done}\n", args.name))?;
-            Ok(Exit::Done)
+    let exit = order(&args.which.client(settings)?, &request, CHANGE_TIMEOUT)?;
+    let done = match (change, lasts) {
+        (Change::Start, None) => "runs".to_owned(),
+        (Change::Start, Some(lasts)) => {
+            let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
+            format!("runs, for {} at most", clock::hours(whole))
         }
-        Some(_) => Err(unexpected_reply()),
-    }
+        (Change::Stop, _) => "has ended".to_owned(),
+        (Change::Restart, _) => "restarted".to_owned(),
+    };
+    print(&format!("{} {done}\n", args.name))?;
+    Ok(exit)
 }
 
 impl WhichArgs {
-    fn client(&self) -> Result<Client, Failure> {
-        let found = find_run_of_target(&self.settings, self.robot.as_ref(), &self.remote)?;
-        let data = self.settings.config()?.data_folder().display();
+    fn client(&self, settings: &CommandSettings) -> Result<Client, Failure> {
+        let found = find_run_of_target(settings, self.robot.as_ref(), &self.remote)?;
+        let data = settings.config()?.data_folder().display();
         found.ok_or_else(|| {
             Failure::new(
                 Exit::Unreachable,

@@ -1,19 +1,18 @@
 //! `spykee check`: finds mistakes in scripts without running them.
 
+use std::collections::{BTreeSet, VecDeque};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use super::behaviour_loader::params;
-use super::behaviour_loader::read_source;
-use super::script_checker::ScriptChecker;
-use super::settings::SettingsArgs;
+use super::behaviour_loader::{params, read_source};
+use super::settings::CommandSettings;
 use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
-use crate::behaviour::Launch;
-use crate::check::{Diagnostic, Severity};
+use crate::behaviour::{Inspected, Inspector, Launch, Library};
+use crate::check::{Diagnostic, Required, Severity};
 use crate::config::{Config, Entry};
 use crate::sanitize;
-use crate::script::Options;
+use crate::script::{ModuleFile, Options};
 
 /// Check behaviours for mistakes without running them
 #[derive(Debug, Clone, clap::Args)]
@@ -21,9 +20,6 @@ pub(super) struct CheckArgs {
     /// Scripts, or folders of scripts
     #[arg(value_name = "FILE.lua", required = true)]
     files: Vec<PathBuf>,
-
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 
     /// Print a JSON array
     #[arg(long)]
@@ -33,32 +29,25 @@ pub(super) struct CheckArgs {
 /// Maximum depth of nested folders.
 const MAX_DEPTH: u32 = 16;
 
-pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
-    let config = args.settings.config()?;
-    let path = args.settings.file();
+pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let config = settings.config()?;
+    let path = settings.file();
     let mut files = Vec::new();
     for path in &args.files {
-        collect(path, 0, &mut files)?;
+        files.extend(scripts(path, ".lua")?);
     }
     let mut checker = ScriptChecker::new()?;
     for file in &files {
         let (source, options) = of_file(file, config, path)?;
         checker.behaviour(&source, &options)?;
     }
-    let count = checker.count();
+    let count = checker.seen.len();
     let diagnostics = checker.diagnostics;
-    let text = if args.json {
-        format!(
-            "{}\n",
-            serde_json::to_string_pretty(&diagnostics).map_err(Failure::internal)?
-        )
-    } else {
-        report(&diagnostics, count)
-    };
     if args.json {
-        print(&text)?
+        let text = serde_json::to_string_pretty(&diagnostics).map_err(Failure::internal)?;
+        print(&format!("{text}\n"))?;
     } else {
-        print_coloured(&text, colours())?
+        print_coloured(&report(&diagnostics, count), colours())?;
     }
     Ok(if has_errors(&diagnostics) {
         Exit::Check
@@ -125,37 +114,55 @@ pub(super) fn has_errors(diagnostics: &[Diagnostic]) -> bool {
         .any(|diagnostic| diagnostic.severity == Severity::Error)
 }
 
-/// Collects the scripts of a folder in alphabetical order; a file is taken as it is.
-fn collect(path: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+/// A file as it is, or all files of a folder whose names end so, in alphabetical order. Skips
+/// hidden folders, `target` folders and symbolic links to folders.
+pub(super) fn scripts(path: &Path, ending: &str) -> Result<Vec<PathBuf>, Failure> {
     if !path.is_dir() {
-        files.push(path.to_path_buf());
-        return Ok(());
+        return Ok(vec![path.to_owned()]);
     }
-    let cannot = |error| {
-        Failure::usage(format_args!(
-            "cannot read the folder {}: {error}",
-            path.display()
-        ))
-    };
-    let mut entries = Vec::new();
-    for entry in std::fs::read_dir(path).map_err(cannot)? {
-        entries.push(entry.map_err(cannot)?.path());
+    let mut files = Vec::new();
+    search(path, ending, 0, &mut files)?;
+    Ok(files)
+}
+
+fn search(
+    folder: &Path,
+    ending: &str,
+    depth: u32,
+    files: &mut Vec<PathBuf>,
+) -> Result<(), Failure> {
+    let cannot = |error| Failure::unreadable(folder, error);
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(cannot)? {
+        paths.push(entry.map_err(cannot)?.path());
     }
-    entries.sort();
-    for entry in entries {
-        let script = entry
-            .extension()
-            .is_some_and(|extension| extension == "lua");
-        let folder = entry.is_dir() && !entry.is_symlink() && depth < MAX_DEPTH;
-        if script || folder {
-            collect(&entry, depth + 1, files)?;
+    paths.sort();
+    for path in paths {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() {
+            let skipped = name.starts_with('.') || name == "target" || path.is_symlink();
+            if !skipped && depth < MAX_DEPTH {
+                search(&path, ending, depth + 1, files)?;
+            }
+        } else if name.ends_with(ending) {
+            // Without `./`, as people would write it.
+            let shown = path.strip_prefix("./").map(Path::to_owned);
+            files.push(shown.unwrap_or(path));
         }
     }
     Ok(())
 }
 
 fn report(diagnostics: &[Diagnostic], files: usize) -> String {
-    let mut text = shown(diagnostics, colours());
+    let mut text = String::new();
+    for diagnostic in diagnostics {
+        text += &if colours() {
+            coloured(diagnostic)
+        } else {
+            diagnostic.to_string()
+        };
+        text += "\n\n";
+    }
     let errors = diagnostics
         .iter()
         .filter(|one| one.severity == Severity::Error)
@@ -173,21 +180,6 @@ fn report(diagnostics: &[Diagnostic], files: usize) -> String {
         ),
     };
     text
-}
-
-/// Diagnostics for people, separated by blank lines.
-fn shown(diagnostics: &[Diagnostic], colours: bool) -> String {
-    let one = |diagnostic: &Diagnostic| {
-        if colours {
-            coloured(diagnostic)
-        } else {
-            diagnostic.to_string()
-        }
-    };
-    diagnostics
-        .iter()
-        .map(|diagnostic| one(diagnostic) + "\n\n")
-        .collect()
 }
 
 fn coloured(diagnostic: &Diagnostic) -> String {
@@ -217,4 +209,106 @@ fn coloured(diagnostic: &Diagnostic) -> String {
 fn colours() -> bool {
     let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     !refused && std::io::stdout().is_terminal()
+}
+
+/// Checks scripts and the modules that they require, each file once, in a confined process.
+struct ScriptChecker {
+    inspector: Inspector,
+    seen: BTreeSet<PathBuf>,
+    diagnostics: Vec<Diagnostic>,
+}
+
+struct File {
+    source: Vec<u8>,
+    options: Options,
+    /// Its folder, relative to the behaviour's folder.
+    folder: String,
+}
+
+impl ScriptChecker {
+    fn new() -> Result<ScriptChecker, Failure> {
+        let inspector = Inspector::of_this_executable()
+            .map_err(|error| Failure::io("find this program's own file", error))?;
+        Ok(ScriptChecker {
+            inspector,
+            seen: BTreeSet::new(),
+            diagnostics: Vec::new(),
+        })
+    }
+
+    /// Checks a behaviour's own file, then its modules.
+    fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
+        let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
+        let folder = folder.to_owned();
+        let library = Library::new(folder.clone());
+        let mut files = VecDeque::from([File {
+            source: source.to_vec(),
+            options: options.clone(),
+            folder: String::new(),
+        }]);
+        while let Some(file) = files.pop_front() {
+            if !self.is_new(Path::new(&file.options.chunk)) {
+                continue;
+            }
+            let (found, required) = self.file(&file)?;
+            for module in required {
+                match library.fetch(&module.name) {
+                    Ok(module) => files.push_back(of_module(module, &folder, options)),
+                    Err(why) => self.missing(&file, &module, &why.to_string(), &found),
+                }
+            }
+            self.diagnostics.extend(found);
+        }
+        Ok(())
+    }
+
+    fn is_new(&mut self, file: &Path) -> bool {
+        let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
+        self.seen.insert(file)
+    }
+
+    fn file(&mut self, file: &File) -> Result<(Vec<Diagnostic>, Vec<Required>), Failure> {
+        let source = file.source.as_slice();
+        let chunk = file.options.chunk.as_str();
+        let inspected = self.inspector.inspect(source, &file.options, &file.folder);
+        let Inspected {
+            diagnostics: mut found,
+            required,
+        } = inspected.map_err(|why| {
+            Failure::new(
+                Exit::Check,
+                format_args!("{chunk}: cannot be checked: {why}"),
+            )
+        })?;
+        found.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
+        Ok((found, required))
+    }
+
+    /// Reports a module that exists but is refused, such as one behind a symbolic link. The check
+    /// has already reported modules that do not exist.
+    fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Diagnostic]) {
+        let chunk = file.options.chunk.as_str();
+        let refused = module.refused(&file.source, chunk, why);
+        let known = |one: &Diagnostic| {
+            let mut found = found.iter();
+            found.any(|other| (other.line, other.column) == (one.line, one.column))
+        };
+        self.diagnostics.extend(refused.filter(|one| !known(one)));
+    }
+}
+
+/// The file of a module: it has the behaviour's options, but no parameters.
+fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> File {
+    let inner = Path::new(&module.file).parent().unwrap_or(Path::new(""));
+    let inner = inner.display().to_string();
+    let chunk = folder.join(&module.file).display().to_string();
+    File {
+        source: module.source,
+        options: Options {
+            chunk,
+            params: Default::default(),
+            ..options.clone()
+        },
+        folder: inner,
+    }
 }

@@ -3,8 +3,10 @@
 use clap::builder::PossibleValuesParser;
 use clap_complete::{Shell, generate};
 
+use super::lesson::lesson_names;
 use super::{Exit, Failure, print};
 use crate::api;
+use crate::sim::World;
 
 /// Placeholder in the generated scripts for the names of behaviours.
 const BEHAVIOURS: &str = "__spykee_behaviours";
@@ -31,7 +33,7 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
     // colons are left out, as shells split words at colons.
     let mut titles = api::titles();
     titles.retain(|title| !title.contains(':'));
-    command = command.mut_subcommand("api", |api| {
+    command = with_names(command).mut_subcommand("api", |api| {
         api.mut_arg("name", |name| {
             name.value_parser(PossibleValuesParser::new(titles))
         })
@@ -60,6 +62,16 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
         _ => text.into_owned(),
     })?;
     Ok(Exit::Done)
+}
+
+/// Adds the names of the built-in worlds and of the lessons to all arguments that take one.
+fn with_names(command: clap::Command) -> clap::Command {
+    let named = |argument: clap::Arg| match argument.get_id().as_str() {
+        "sim" | "world" => argument.value_parser(PossibleValuesParser::new(World::builtin_names())),
+        "lesson" => argument.value_parser(PossibleValuesParser::new(lesson_names())),
+        _ => argument,
+    };
+    command.mut_args(named).mut_subcommands(with_names)
 }
 
 fn placeholder(name: clap::Arg) -> clap::Arg {

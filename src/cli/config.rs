@@ -4,16 +4,19 @@
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
+use jiff::Timestamp;
 use serde_json::{Value as Json, json};
 
 use super::notify::TestArgs;
-use super::schedule::{ScheduleArgs, unknown_behaviour};
-use super::settings::SettingsArgs;
-use super::{Exit, Failure, notify, print, schedule};
+use super::settings::CommandSettings;
+use super::table::aligned;
+use super::{Exit, Failure, argument, notify, print, print_json};
+use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
+use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
-/// Show the settings and where they come from, check a config file, list its coming starts, test its
-/// notification targets
+/// Show the settings and where they come from, check a config file, list its coming starts, test
+/// its notification targets
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigArgs {
     #[command(subcommand)]
@@ -29,9 +32,6 @@ enum Action {
         /// Config file [default: the one of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
-
-        #[command(flatten)]
-        settings: SettingsArgs,
     },
     Schedule(ScheduleArgs),
     TestNotify(TestArgs),
@@ -41,9 +41,6 @@ enum Action {
 
 #[derive(Debug, Clone, clap::Args)]
 struct ShowArgs {
-    #[command(flatten)]
-    settings: SettingsArgs,
-
     /// Show where each value comes from
     #[arg(long)]
     origin: bool,
@@ -53,28 +50,13 @@ struct ShowArgs {
     json: bool,
 }
 
-impl ConfigArgs {
-    pub(super) fn settings(&self) -> Option<&SettingsArgs> {
-        match &self.action {
-            Action::Show(args) => Some(&args.settings),
-            Action::Check { settings, .. } => Some(settings),
-            Action::Schedule(args) => Some(&args.settings),
-            Action::TestNotify(args) => Some(&args.settings),
-            Action::Schema => None,
-        }
-    }
-}
-
 /// Shows or checks the settings. Only the test of notification targets reads secrets.
-pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
+pub(super) fn run(args: &ConfigArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     match &args.action {
-        Action::Show(args) => show(args),
-        Action::Check { file, settings } => match file {
-            Some(file) => check(file),
-            None => check(&settings.path()),
-        },
-        Action::Schedule(args) => schedule::run(args),
-        Action::TestNotify(args) => notify::run(args),
+        Action::Show(args) => show(args, settings),
+        Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path())),
+        Action::Schedule(args) => schedule(args, settings),
+        Action::TestNotify(args) => notify::run(args, settings),
         Action::Schema => {
             print(&format!("{:#}\n", config::schema()))?;
             Ok(Exit::Done)
@@ -93,12 +75,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
             Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
         );
     }
-    let names = config
-        .behaviours
-        .iter()
-        .filter_map(|entry| entry.name().ok());
-    let names: Vec<String> = names.collect();
-    if let Some((what, known)) = unknown_behaviour(&config.timetable(), &names) {
+    if let Some((what, known)) = unknown_behaviour(&config.timetable(), &names(&config)) {
         let what = format!("{}: {what}", file.display());
         return Err(Failure::new(Exit::Check, what).help(known));
     }
@@ -106,8 +83,8 @@ fn check(file: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn show(args: &ShowArgs) -> Result<Exit, Failure> {
-    let settings = args.settings.load()?.settings();
+fn show(args: &ShowArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let settings = settings.load()?.settings();
     print(&if args.json {
         format!(
             "{:#}\n",
@@ -142,4 +119,109 @@ fn line(setting: &Setting, origin: bool) -> String {
     } else {
         format!("{:<34} {value}\n", setting.key)
     }
+}
+
+/// List the coming starts of the timetable, and those that will not happen and why
+///
+/// Reads only the config: it does not know whether the robot will be in reach or what people will
+/// start in the meantime.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee config schedule --next 20 --from \"2026-03-28 12:00\"")]
+struct ScheduleArgs {
+    /// Number of starts to show
+    #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = argument::whole::<u16>(1..=1000))]
+    next: u16,
+
+    /// Date and time to list from, in the config's time zone [default: now]
+    #[arg(long, value_name = "DATE")]
+    from: Option<Date>,
+
+    /// Print a JSON array
+    #[arg(long)]
+    json: bool,
+}
+
+/// Prints the predicted starts.
+fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let config = settings.config()?;
+    let table = config.timetable();
+    let now = match args.from {
+        Some(date) => date.at(&config.zone()),
+        None => Clock::default().now(),
+    };
+    let starts = predict_starts(&table, &names(config), now, usize::from(args.next));
+    if args.json {
+        let starts: Vec<Json> = starts.iter().map(|one| object(one, &table.zone)).collect();
+        print_json(&starts)?;
+        return Ok(Exit::Done);
+    }
+    if !clock::is_plausible(now) {
+        tracing::warn!("this computer's clock is not set: a service waits until it is");
+    }
+    if starts.is_empty() {
+        print(&match settings.file() {
+            Some(file) => format!("{} has no `schedule:`\n", file.display()),
+            None => "no config named, no spykee.yaml here: there is no `schedule:`\n".to_owned(),
+        })?;
+        return Ok(Exit::Done);
+    }
+    let rows = starts.iter().map(|one| row(one, &table.zone));
+    print(&aligned("WHEN|BEHAVIOUR|UNTIL|", rows))?;
+    print(&format!("times in {}\n", table.zone))?;
+    Ok(Exit::Done)
+}
+
+fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {
+    let day = zone.time(one.at).date();
+    let until = one.until.map(|until| {
+        let until = zone.time(until);
+        if until.date() == day {
+            until.strftime("%H:%M").to_string()
+        } else {
+            clock::describe(&until)
+        }
+    });
+    let notes: Vec<&str> = one.reasons.iter().map(|reason| describe(*reason)).collect();
+    vec![
+        clock::describe(&zone.time(one.at)),
+        one.run.clone(),
+        until.unwrap_or_else(|| "it ends".to_owned()),
+        notes.join("; "),
+    ]
+}
+
+fn describe(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Quiet => "quiet hours: no sounds, no headlight",
+        Reason::Overlap => "will not start: it still runs then",
+        Reason::Unknown => "will not start: the config has no such behaviour",
+    }
+}
+
+fn object(one: &PredictedStart, zone: &Zone) -> Json {
+    let time = |at: Timestamp| zone.time(at).strftime("%Y-%m-%dT%H:%M:%S%:z").to_string();
+    let has = |reason| one.reasons.contains(&reason);
+    json!({
+        "at": time(one.at), "run": one.run, "until": one.until.map(time), "starts": one.happens(),
+        "quiet": has(Reason::Quiet), "overlap": has(Reason::Overlap), "unknown": has(Reason::Unknown),
+    })
+}
+
+/// The names of the config's behaviours.
+fn names(config: &Config) -> Vec<String> {
+    let entries = config.behaviours.iter();
+    entries.filter_map(|entry| entry.name().ok()).collect()
+}
+
+/// Describes the first rule of the timetable that names no behaviour of the config, and lists the
+/// behaviours that the config has.
+pub(super) fn unknown_behaviour(table: &Timetable, names: &[String]) -> Option<(String, String)> {
+    let unknown = *table.unknown(names).first()?;
+    let what = format!("the timetable runs `{unknown}`, but the config has no such behaviour");
+    let known = if names.is_empty() {
+        "the config names no behaviours".to_owned()
+    } else {
+        format!("the config has {}", names.join(", "))
+    };
+    Some((what, known))
 }

@@ -1,24 +1,23 @@
-//! The flags for the robot and the login, shared by all subcommands that connect to a robot.
+//! The flags for the robot and the login, shared by all subcommands that connect to a robot, and
+//! the robot that they name.
 
 use std::path::{Path, PathBuf};
 
-use super::world::WorldParser;
+use super::driver::DriverParts;
+use super::settings::CommandSettings;
+use super::startup::{refuse_if_stopped, rescue};
+use super::world::{EmbeddedSim, load};
 use super::{Failure, secret};
-use crate::config::Effective;
-use crate::link::Target;
-use crate::wire::Login;
+use crate::config::{Config, Effective};
+use crate::link::{self, LinkError, Session, Target};
+use crate::pilot::Connector;
+use crate::sim::{self, World};
+use crate::wire::{Command, Login};
 
 /// The robot's own default, for user and password (`PROTOCOL.md`, AUTH_REQUEST).
 const DEFAULT_LOGIN: &str = "admin";
 /// The protocol's one-byte length prefix.
 const MAX_LOGIN_CHARS: usize = 255;
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum RobotChoice {
-    Robot(Target),
-    /// A simulated robot inside this program, in this world or the default one.
-    Sim(Option<PathBuf>),
-}
 
 /// `--robot` or `--sim`, and the login.
 #[derive(Debug, Clone, clap::Args)]
@@ -29,7 +28,7 @@ pub struct ConnectionArgs {
     pub robot: Option<Target>,
 
     /// Use a simulated robot, in a built-in world or a world file [default: living_room]
-    #[arg(long, value_name = "WORLD", num_args = 0..=1, value_parser = WorldParser, hide_possible_values = true)]
+    #[arg(long, value_name = "WORLD", num_args = 0..=1)]
     pub sim: Option<Option<PathBuf>>,
 
     #[command(flatten)]
@@ -51,10 +50,36 @@ pub struct LoginArgs {
 }
 
 impl ConnectionArgs {
-    /// The robot named by the flags; `None` leaves it to the config.
-    pub fn robot(&self) -> Option<RobotChoice> {
-        let robot = self.robot.clone().map(RobotChoice::Robot);
-        robot.or_else(|| self.sim.clone().map(RobotChoice::Sim))
+    /// The robot of the flags, or else of the config; `None` if neither names one. The config's
+    /// camera becomes that of a simulated robot.
+    pub(super) fn choose(&self, config: &mut Config) -> Result<Option<ChosenRobot>, Failure> {
+        if let Some(world) = &self.sim {
+            let world = load(world.as_deref())?;
+            config.camera = world.camera.calibrated();
+            return Ok(Some(ChosenRobot::Sim(world.into())));
+        }
+        let robot = self.robot.as_ref().or(config.robot.as_ref());
+        Ok(robot.cloned().map(ChosenRobot::Robot))
+    }
+
+    /// Resolves flags and config, and starts the simulator if requested.
+    ///
+    /// # Errors
+    /// A config, login or world that cannot be used; no robot named.
+    pub(super) fn resolve(
+        &self,
+        settings: &CommandSettings,
+        seed: u64,
+    ) -> Result<RobotTarget, Failure> {
+        let mut config = settings.config()?.clone();
+        let robot = self.choose(&mut config)?.ok_or_else(no_robot)?;
+        let login = self.login.login(settings.load()?)?;
+        let options = sim::Options {
+            login,
+            seed,
+            ..sim::Options::default()
+        };
+        robot.start(config, options)
     }
 
     /// Removes and returns the file of `--sim patrol.lua`, which is a behaviour, not a world.
@@ -79,11 +104,6 @@ impl LoginArgs {
         Ok(Login::new(user, password))
     }
 
-    /// Like [`LoginArgs::login`], without a config.
-    pub(super) fn login_without_config(&self) -> Result<Login, Failure> {
-        self.login(&Effective::default())
-    }
-
     fn password(&self, settings: &Effective) -> Result<String, Failure> {
         if let Some(path) = &self.password_file {
             return secret::from_chosen_file(path);
@@ -99,6 +119,89 @@ impl LoginArgs {
         };
         secret::from_configured_file(path, settings.found_file())
     }
+}
+
+/// The robot that is meant, with the world of a simulated one.
+pub(super) enum ChosenRobot {
+    Robot(Target),
+    Sim(Box<World>),
+}
+
+/// No robot was named.
+pub(super) fn no_robot() -> Failure {
+    Failure::usage("which robot? neither --robot nor --sim was given").help(
+        "--sim uses a simulated robot; --robot HOST[:PORT] uses yours (`spykee discover` finds it)",
+    )
+}
+
+impl ChosenRobot {
+    pub(super) fn is_simulated(&self) -> bool {
+        matches!(self, ChosenRobot::Sim(_))
+    }
+
+    /// Starts a simulated robot with these options; a real one has only their login.
+    pub(super) fn start(
+        self,
+        config: Config,
+        options: sim::Options,
+    ) -> Result<RobotTarget, Failure> {
+        let login = options.login.clone();
+        let (address, sim) = match self {
+            ChosenRobot::Robot(target) => (target, None),
+            ChosenRobot::Sim(world) => {
+                let sim = EmbeddedSim::start(*world, options)?;
+                (sim.target(), Some(sim))
+            }
+        };
+        Ok(RobotTarget {
+            address,
+            login,
+            config,
+            sim,
+        })
+    }
+}
+
+/// A robot to connect to. A simulator ends when this is dropped.
+pub(super) struct RobotTarget {
+    pub(super) address: Target,
+    pub(super) login: Login,
+    pub(super) config: Config,
+    pub(super) sim: Option<EmbeddedSim>,
+}
+
+impl RobotTarget {
+    /// Logs in once.
+    pub(super) async fn connect(&self) -> Result<Session, LinkError> {
+        let stop = vec![Command::STOP];
+        link::connect(&self.address, &self.login, stop, &link::Options::default()).await
+    }
+
+    pub(super) fn connector(&self) -> Connector {
+        connector(self.address.clone(), self.login.clone())
+    }
+
+    /// The parts needed to drive the robot.
+    ///
+    /// # Errors
+    /// A person's STOP holds; the rescue behaviour of the config cannot be read.
+    pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
+        refuse_if_stopped(&self.config, self.sim.is_some())?;
+        Ok(DriverParts {
+            connector: self.connector(),
+            settings: self.config.pilot(self.sim.is_some(), seed),
+            rescue: rescue(&self.config, seed)?,
+        })
+    }
+}
+
+pub(super) fn connector(target: Target, login: Login) -> Connector {
+    Box::new(move |supervision| {
+        let target = target.clone();
+        let login = login.clone();
+        let options = link::Options::default();
+        Box::pin(async move { link::connect(&target, &login, supervision, &options).await })
+    })
 }
 
 /// Refuses text that the protocol would change: it carries ISO-8859-1 with a one-byte length.
@@ -135,16 +238,13 @@ mod tests {
 
     #[test]
     fn robot_and_sim_exclude_each_other() {
-        let choice = |args| parse(args).unwrap().robot();
-        let robot = "172.17.6.1".parse().unwrap();
-        assert_eq!(
-            choice(&["--robot", "172.17.6.1"]),
-            Some(RobotChoice::Robot(robot))
-        );
-        assert_eq!(choice(&["--sim"]), Some(RobotChoice::Sim(None)));
+        let choice = |args| parse(args).map(|args| (args.robot, args.sim)).unwrap();
+        let robot = Some("172.17.6.1".parse().unwrap());
+        assert_eq!(choice(&["--robot", "172.17.6.1"]), (robot, None));
+        assert_eq!(choice(&["--sim"]), (None, Some(None)));
         let world = Some(PathBuf::from("w.yaml"));
-        assert_eq!(choice(&["--sim", "w.yaml"]), Some(RobotChoice::Sim(world)));
-        assert_eq!(choice(&[]), None);
+        assert_eq!(choice(&["--sim", "w.yaml"]), (None, Some(world)));
+        assert_eq!(choice(&[]), (None, None));
         assert!(parse(&["--sim", "--robot", "172.17.6.1"]).is_err());
     }
 
@@ -161,13 +261,10 @@ mod tests {
     fn a_behaviour_after_sim_is_not_taken_for_a_world() {
         let mut args = parse(&["--sim", "patrol.lua"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), Some("patrol.lua".into()));
-        assert_eq!(args.robot(), Some(RobotChoice::Sim(None)));
+        assert_eq!(args.sim, Some(None));
         let mut args = parse(&["--sim", "room.yaml"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), None);
-        assert_eq!(
-            args.robot(),
-            Some(RobotChoice::Sim(Some("room.yaml".into())))
-        );
+        assert_eq!(args.sim, Some(Some("room.yaml".into())));
         assert_eq!(parse(&[]).unwrap().take_misplaced_behaviour(), None);
     }
 }

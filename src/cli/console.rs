@@ -8,14 +8,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use jiff::Timestamp;
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
-use tracing_subscriber::fmt::format::Writer;
-use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
-use super::screen::{Features, Screen};
 use crate::config::LogFormat;
 use crate::rate_limit::{Budget, Repeats};
+use crate::sanitize;
 
 /// Length of the queue. Records that find it full are dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -32,9 +31,14 @@ const REDIRECT_LIMIT: Duration = Duration::from_millis(500);
 const DROP_NOTICE_INTERVAL: Duration = Duration::from_secs(60);
 /// Pause between two attempts to enqueue into a full queue.
 const RETRY_PAUSE: Duration = Duration::from_millis(5);
-/// Largest number of bytes that the log may have per day, of which a 24th at once. Lines beyond it are
-/// dropped and counted.
+/// Largest number of bytes that the log may have per day, of which a 24th at once. Lines beyond it
+/// are dropped and counted.
 const BYTES_A_DAY: u64 = 256 << 20;
+
+/// Returns to the start of the line and clears it.
+const CLEAR_LINE: &str = "\r\x1b[K";
+/// Replaces a line break within a record, so that no text can imitate a new record.
+const CONTINUATION: &str = "\n  ";
 
 /// A handle for writing to stderr. Cheap to clone; only [`Console::redirect`] and [`Console::end`]
 /// may block.
@@ -74,12 +78,8 @@ impl Console {
 
     /// Collects the output instead, as if stderr were a file.
     pub(super) fn collecting(into: Collected, format: LogFormat) -> io::Result<Console> {
-        let features = Features {
-            redraw: false,
-            colour: false,
-        };
         let day = Budget::new(BYTES_A_DAY);
-        Console::with_output(into, features, || DEFAULT_COLUMNS, format, day)
+        Console::with_output(into, Features::FILE, || DEFAULT_COLUMNS, format, day)
     }
 
     fn with_output(
@@ -199,18 +199,12 @@ fn log_line(format: LogFormat, level: &str, text: &str) -> String {
     match format {
         LogFormat::Text => text.to_owned(),
         LogFormat::Json => serde_json::json!({
-            "timestamp": now(), "level": level, "message": text, "target": "spykee",
+            // In the format of the other lines.
+            "timestamp": format!("{:.6}", Timestamp::now()), "level": level, "message": text,
+            "target": "spykee",
         })
         .to_string(),
     }
-}
-
-/// The time, in the format of the other lines of a JSON log.
-fn now() -> String {
-    let mut text = String::new();
-    // Writing into a string cannot fail.
-    let _ = SystemTime.format_time(&mut Writer::new(&mut text));
-    text
 }
 
 struct ConsoleWriter<W> {
@@ -230,10 +224,7 @@ impl<W: Write> ConsoleWriter<W> {
         while let Ok(message) = inbox.recv() {
             match message {
                 ConsoleMessage::Record(record) => self.write(&String::from_utf8_lossy(&record)),
-                ConsoleMessage::LastWords(text) => {
-                    let line = self.screen.record(&text, (self.columns)());
-                    self.put(line);
-                }
+                ConsoleMessage::LastWords(text) => self.put_record(&text),
                 ConsoleMessage::Status => {}
                 ConsoleMessage::Redirect(to) => self.redirected = to,
                 ConsoleMessage::End(done) => {
@@ -261,10 +252,7 @@ impl<W: Write> ConsoleWriter<W> {
                 "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
                 self.day.per_day()
             );
-            let line = self
-                .screen
-                .record(&log_line(self.format, "WARN", &words), (self.columns)());
-            self.put(line);
+            self.put_record(&log_line(self.format, "WARN", &words));
         }
     }
 
@@ -285,11 +273,13 @@ impl<W: Write> ConsoleWriter<W> {
         let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {
             let text = format!("{dropped} log lines were dropped: stderr is too slow");
-            let line = self
-                .screen
-                .record(&log_line(self.format, "WARN", &text), (self.columns)());
-            self.put(line);
+            self.put_record(&log_line(self.format, "WARN", &text));
         }
+    }
+
+    fn put_record(&mut self, text: &str) {
+        let line = self.screen.record(text, (self.columns)());
+        self.put(line);
     }
 
     fn put(&mut self, text: String) {
@@ -346,28 +336,19 @@ fn stderr_columns() -> usize {
 }
 
 impl<'a> MakeWriter<'a> for Console {
-    type Writer = Record<'a>;
+    type Writer = &'a Console;
 
-    fn make_writer(&'a self) -> Record<'a> {
-        Record {
-            console: self,
-            bytes: Vec::new(),
-        }
+    fn make_writer(&'a self) -> &'a Console {
+        self
     }
 }
 
-/// Buffer of one log record; enqueued when dropped.
-pub struct Record<'a> {
-    console: &'a Console,
-    bytes: Vec<u8>,
-}
-
-impl Write for Record<'_> {
+/// Each write is a log record.
+impl Write for &Console {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         // Keeps one byte more than the limit, to detect a record that is too long.
-        let room = (MAX_RECORD_LEN + 1).saturating_sub(self.bytes.len());
-        self.bytes
-            .extend_from_slice(&bytes[..bytes.len().min(room)]);
+        let kept = bytes.len().min(MAX_RECORD_LEN + 1);
+        self.record(bytes[..kept].to_vec());
         Ok(bytes.len())
     }
 
@@ -376,19 +357,85 @@ impl Write for Record<'_> {
     }
 }
 
-impl Drop for Record<'_> {
-    fn drop(&mut self) {
-        if !self.bytes.is_empty() {
-            self.console.record(std::mem::take(&mut self.bytes));
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Features {
+    /// Whether a line can be redrawn in place.
+    redraw: bool,
+    colour: bool,
+}
+
+impl Features {
+    const FILE: Features = Features {
+        redraw: false,
+        colour: false,
+    };
+}
+
+/// Computes the output for a terminal, or for a file in its place: the log lines, and the status
+/// line below them.
+#[derive(Debug)]
+struct Screen {
+    features: Features,
+    status: String,
+}
+
+impl Screen {
+    fn new(features: Features) -> Screen {
+        Screen {
+            features,
+            status: String::new(),
         }
+    }
+
+    /// The output for a log record: cleaned, with the status line redrawn below it.
+    fn record(&self, text: &str, columns: usize) -> String {
+        let text =
+            sanitize::text(text.trim_end(), self.features.colour).replace('\n', CONTINUATION);
+        if !self.features.redraw {
+            return format!("{text}\n");
+        }
+        format!("{CLEAR_LINE}{text}\n{}", self.visible_status(columns))
+    }
+
+    /// The output for a new status line; empty if lines cannot be redrawn.
+    fn status(&mut self, text: &str, columns: usize) -> String {
+        self.status = sanitize::line(text);
+        if !self.features.redraw {
+            return String::new();
+        }
+        format!("{CLEAR_LINE}{}", self.visible_status(columns))
+    }
+
+    /// The output that clears the status line, so that the shell's prompt starts on an empty line.
+    fn end(&mut self) -> &'static str {
+        let drawn = !std::mem::take(&mut self.status).is_empty();
+        if drawn && self.features.redraw {
+            CLEAR_LINE
+        } else {
+            ""
+        }
+    }
+
+    /// The status line, cut to leave one column free: many terminals wrap a line that fills the
+    /// last column.
+    fn visible_status(&self, columns: usize) -> String {
+        self.status
+            .chars()
+            .take(columns.saturating_sub(1))
+            .collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
     use std::sync::mpsc::{Sender, channel};
 
+    const TERMINAL: Features = Features {
+        redraw: true,
+        colour: true,
+    };
     const LIMIT: Duration = Duration::from_secs(20);
 
     /// Keeps the written bytes; if it has a gate, each write waits for a permit.
@@ -452,7 +499,7 @@ mod tests {
     #[test]
     fn lines_and_status_share_a_terminal() {
         let output = TestOutput::new();
-        let console = console(&output, Features::TERMINAL, LogFormat::Text);
+        let console = console(&output, TERMINAL, LogFormat::Text);
         console.status("driving");
         console.end(None, LIMIT);
         console.write_line("INFO", "hello");
@@ -531,9 +578,8 @@ mod tests {
         let value: serde_json::Value = serde_json::from_str(&output.text()).unwrap();
         assert_eq!(value["message"], "two\nlines \x1b[2J");
 
-        let mut record = console.make_writer();
-        record.write_all(&[b'x'; 3 * MAX_RECORD_LEN]).unwrap();
-        drop(record);
+        let mut writer = console.make_writer();
+        writer.write_all(&[b'x'; 3 * MAX_RECORD_LEN]).unwrap();
         console.end(None, LIMIT);
         let text = output.text();
         let value: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
@@ -547,5 +593,38 @@ mod tests {
         console.write_line("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
         console.end(None, LIMIT);
         assert_eq!(output.text().trim_end().len(), MAX_RECORD_LEN);
+    }
+
+    #[test]
+    fn the_status_line_stays_below_the_log_and_within_the_window() {
+        let mut screen = Screen::new(TERMINAL);
+        assert_eq!(screen.status("driving 80 %", 9), "\r\x1b[Kdriving ");
+        assert_eq!(screen.record("hello\n", 80), "\r\x1b[Khello\ndriving 80 %");
+        assert_eq!(screen.end(), "\r\x1b[K");
+        assert_eq!(screen.end(), "");
+    }
+
+    #[test]
+    fn a_file_gets_only_lines() {
+        let mut screen = Screen::new(Features::FILE);
+        assert_eq!(screen.status("driving", 80), "");
+        assert_eq!(screen.record("\x1b[31mred\x1b[0m\n", 80), "red\n");
+        assert_eq!(screen.end(), "");
+    }
+
+    #[test]
+    fn a_line_break_in_a_text_cannot_imitate_a_record() {
+        let screen = Screen::new(Features::FILE);
+        let shown = screen.record("INFO said\nERROR forged", 80);
+        assert_eq!(shown, "INFO said\n  ERROR forged\n");
+    }
+
+    proptest! {
+        #[test]
+        fn no_control_character_survives_in_a_file(text in "\\PC*|[\\x00-\\xff\u{1b}\\[m0-9;]{0,60}") {
+            let shown = Screen::new(Features::FILE).record(&text, 80);
+            let bad = shown.chars().any(|c| c.is_control() && !matches!(c, '\n' | '\t'));
+            prop_assert!(!bad, "{:?}", shown);
+        }
     }
 }

@@ -3,16 +3,10 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::argument::ArgumentError;
-use super::table::{Side, aligned};
-use super::{Console, Exit, Failure, block_on, print};
+use super::table::aligned;
+use super::{Exit, Failure, argument, block_on, print, print_json};
 use crate::link::discover::{self, Found};
 
-const HEAD: [(&str, Side); 3] = [
-    ("ROBOT", Side::Left),
-    ("ADDRESS", Side::Left),
-    ("CONNECTED USER", Side::Left),
-];
 const NO_ANSWER: &str = "no robot answered";
 const NO_ANSWER_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
                            must let UDP port 9000 through. `spykee sim` starts a simulated one";
@@ -21,7 +15,7 @@ const NO_ANSWER_HELP: &str = "is the robot on, and is this computer in its Wi-Fi
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct DiscoverArgs {
     /// Time to wait for replies, in seconds
-    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = parse_timeout)]
+    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = argument::seconds(60.0))]
     timeout: Duration,
 
     /// Print a JSON array
@@ -33,16 +27,8 @@ pub(super) struct DiscoverArgs {
     ask: Vec<SocketAddr>,
 }
 
-fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
-    let seconds: f64 = text.parse().map_err(|_| ArgumentError::Number)?;
-    if !(0.1..=60.0).contains(&seconds) {
-        return Err(ArgumentError::Search);
-    }
-    Ok(Duration::from_secs_f64(seconds))
-}
-
 /// Sends the query and prints the robots that answered.
-pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failure> {
+pub(super) fn run(args: &DiscoverArgs) -> Result<Exit, Failure> {
     let found = block_on(async {
         if args.ask.is_empty() {
             discover::discover(args.timeout, &[]).await
@@ -57,7 +43,7 @@ pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failu
         )
     })?;
     if args.json {
-        print(&format!("{}\n", serde_json::json!(found)))?;
+        print_json(&found)?;
     } else if !found.is_empty() {
         print(&table(&found))?;
     }
@@ -72,8 +58,7 @@ fn table(found: &[Found]) -> String {
         let user = robot.connected_user.as_deref().unwrap_or("-");
         vec![robot.uid.clone(), robot.addr.to_string(), user.to_owned()]
     };
-    let rows: Vec<_> = found.iter().map(row).collect();
-    aligned(&HEAD, &rows)
+    aligned("ROBOT|ADDRESS|CONNECTED USER", found.iter().map(row))
 }
 
 #[cfg(test)]

@@ -90,18 +90,13 @@ impl Driver {
         heartbeat: Option<Heartbeat>,
         stop: &CancellationToken,
     ) -> Result<Driver, Failure> {
-        let DriverParts {
-            connector,
-            settings,
-            rescue,
-        } = parts;
         let is_real_time = heartbeat.is_some();
-        let mut setup = PilotSetup::new(settings, connector, core.clone(), heartbeat);
+        let mut setup = PilotSetup::new(parts.settings, parts.connector, core.clone(), heartbeat);
         let requests = setup.requests();
         if is_real_time {
-            handle_signals(core, requests.clone(), stop.clone())?;
+            handle_signals(core, requests.clone(), stop.clone(), &[], None)?;
         }
-        if let Some(rescue) = rescue {
+        if let Some(rescue) = parts.rescue {
             setup.stand_by(launcher()?, rescue);
         }
         Ok(Driver {

@@ -21,8 +21,8 @@ pub enum Exit {
     /// A check or a test of a behaviour, a config or a world failed, a notification was not
     /// delivered, or a robot did not carry out a command of `fleet`.
     Check = 4,
-    /// The run ended while the watchdog controlled the robot because of a low battery, or a person's
-    /// STOP forbids driving.
+    /// The run ended while the watchdog controlled the robot because of a low battery, or a
+    /// person's STOP forbids driving.
     Safety = 5,
     /// Ended by a signal from a person or the system: SIGINT, SIGTERM.
     Interrupted = 130,
@@ -77,6 +77,11 @@ impl Failure {
     /// A failure that the caller did not cause.
     pub fn internal(what: impl Display) -> Failure {
         Failure::new(Exit::Failed, what)
+    }
+
+    /// Ended by a person or the system, who know why: there is nothing to report.
+    pub fn interrupted() -> Failure {
+        Failure::new(Exit::Interrupted, "")
     }
 
     #[must_use]

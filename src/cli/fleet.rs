@@ -1,30 +1,33 @@
-//! `spykee fleet`: commands for all agents on an MQTT broker.
+//! The MQTT broker that the config names: its secrets and certificates, and `spykee fleet`, with
+//! commands for all agents on it.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
 use serde_json::{Value, json};
 
-use super::broker;
-use super::settings::SettingsArgs;
-use super::table::{Side, aligned};
-use super::{Exit, Failure, block_on, print};
-use crate::mqtt::{BrokerCommand, Fleet, FleetError, Found, Presence};
+use super::settings::CommandSettings;
+use super::table::aligned;
+use super::{Exit, Failure, block_on, print, print_json, secret};
+use crate::config::Effective;
+use crate::control::Run;
+use crate::files;
+use crate::mqtt::{self, Account, BrokerCommand, Fleet, FleetError, Found, Presence};
+use crate::side_thread::SideThread;
+use crate::robot::Bus;
 
 /// Timeout for an agent's reply, which includes loading or ending behaviours.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
+/// Maximum size of a certificate file, bytes.
+const LONGEST_CERTIFICATES: u64 = 1 << 20;
+/// Time limit for sending the last words to the broker.
+pub(super) const BROKER_END: Duration = Duration::from_secs(2);
 /// The name for all robots that are online.
 const ALL: &str = "all";
 
-const HEAD: [(&str, Side); 6] = [
-    ("ROBOT", Side::Left),
-    ("CONNECTION", Side::Left),
-    ("STATE", Side::Left),
-    ("BATTERY", Side::Right),
-    ("RUNNING", Side::Left),
-    ("PROBLEM", Side::Left),
-];
+const HEAD: &str = "ROBOT|CONNECTION|STATE|>BATTERY|RUNNING|PROBLEM";
 
 /// Control all robots on an MQTT broker: list them, start a behaviour, stop them
 ///
@@ -49,8 +52,6 @@ enum Action {
         /// Print a JSON array
         #[arg(long)]
         json: bool,
-        #[command(flatten)]
-        settings: SettingsArgs,
     },
     /// Start a behaviour
     Run {
@@ -60,41 +61,24 @@ enum Action {
         /// Uids of the robots, or `all` for every robot that is online
         #[arg(long, value_name = "UID", required = true, num_args = 1..)]
         on: Vec<String>,
-        #[command(flatten)]
-        settings: SettingsArgs,
     },
     /// Press STOP at robots: they stand until they are released; also ends their behaviours
     Stop {
         /// Uids of the robots, or `all` for every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
-        #[command(flatten)]
-        settings: SettingsArgs,
     },
     /// Release STOP at robots, so that they may move again
     ResetStop {
         /// Uids of the robots, or `all` for every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
-        #[command(flatten)]
-        settings: SettingsArgs,
     },
 }
 
-impl FleetArgs {
-    pub(super) fn settings(&self) -> &SettingsArgs {
-        match &self.action {
-            Action::List { settings, .. }
-            | Action::Run { settings, .. }
-            | Action::Stop { settings, .. }
-            | Action::ResetStop { settings, .. } => settings,
-        }
-    }
-}
-
 /// Connects to the broker and carries out the command.
-pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
-    let account = broker::account(args.settings().load()?)?.ok_or_else(|| {
+pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let account = account(settings.load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker")
             .help("add mqtt: { host: broker.local }; see README.md, \"MQTT\"")
     })?;
@@ -129,12 +113,11 @@ fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
     let found: Vec<&Found> = fleet.found().collect();
     if as_json {
         let list: Vec<Value> = found.into_iter().map(object).collect();
-        print(&format!("{}\n", Value::Array(list)))?;
+        print_json(&list)?;
     } else if found.is_empty() {
         print("no robot has ever connected to this broker\n")?;
     } else {
-        let rows: Vec<Vec<String>> = found.into_iter().map(row).collect();
-        print(&aligned(&HEAD, &rows))?;
+        print(&aligned(HEAD, found.into_iter().map(row)))?;
     }
     Ok(Exit::Done)
 }
@@ -238,4 +221,50 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         );
     }
     Ok((chosen, absent))
+}
+
+/// The broker's account, if the config names a broker.
+pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> {
+    let options = settings.config.mqtt.clone();
+    if options.host.is_none() {
+        return Ok(None);
+    }
+    let file = options.password_file.as_deref();
+    let password = secret::from_optional_file(file, settings.found_file())?;
+    let certificates = |path: &PathBuf| {
+        files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
+            Failure::usage(format_args!(
+                "cannot read the certificates {} (mqtt.ca_file): {error}",
+                path.display()
+            ))
+        })
+    };
+    let ca = options.ca_file.as_ref().map(certificates).transpose()?;
+    Ok(Some(Account {
+        options,
+        password,
+        ca,
+    }))
+}
+
+/// The account of the broker that serves requests to a run, if the config names a broker. A config
+/// that was found in the current folder may have come from anywhere: it must not hand the robot and
+/// its camera to a stranger's broker.
+pub(super) fn account_of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
+    let account = account(settings)?;
+    if let (Some(_), Some(config)) = (&account, settings.found_file()) {
+        let what = format_args!(
+            "the config {} would connect the robot to a broker, but was found in the current \
+             folder, not named",
+            config.display()
+        );
+        return Err(secret::refuse_found(config, what));
+    }
+    Ok(account)
+}
+
+/// Starts the broker connection of a run. On an error the run continues without it.
+pub(super) fn start_broker(bus: &Bus, run: &Run, account: Option<Account>) -> Option<SideThread> {
+    let started = mqtt::start(bus, run.clone(), account?);
+    started.map_err(|error| tracing::warn!("{error}")).ok()
 }

@@ -1,19 +1,20 @@
 //! `spykee history`: shows the journal as a table, as JSON or CSV.
 
-mod moment;
-mod runs;
-mod view;
-
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Duration;
 
 use clap::ValueEnum;
-use jiff::Timestamp;
+use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
+use jiff::{Span, Timestamp};
+use serde_json::Value;
 
-use self::view::View;
-use super::settings::SettingsArgs;
-use super::{Exit, Failure, print};
-use crate::journal::{JournalReader, Kinds, Record, Span};
+use super::settings::CommandSettings;
+use super::table::{aligned, csv_cell};
+use super::{Exit, Failure, print, print_json};
+use crate::clock;
+use crate::journal::{self, JournalReader, Kinds, Record};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
@@ -31,12 +32,12 @@ pub(super) struct HistoryArgs {
 
     /// Only entries since this time: an age (30m, 12h, 7d), a date (2026-11-01), or a date and a
     /// time (2026-11-01T21:30) [default: the newest 1000 entries]
-    #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
-    since: Option<moment::Moment>,
+    #[arg(long, value_name = "WHEN", value_parser = parse_moment)]
+    since: Option<Moment>,
 
     /// Only entries until this time, in the same form
-    #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
-    until: Option<moment::Moment>,
+    #[arg(long, value_name = "WHEN", value_parser = parse_moment)]
+    until: Option<Moment>,
 
     /// Only entries of this robot
     #[arg(long, value_name = "UID")]
@@ -49,9 +50,37 @@ pub(super) struct HistoryArgs {
     /// Print CSV for spreadsheets
     #[arg(long)]
     csv: bool,
+}
 
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
+/// A value of `--since` and `--until`.
+#[derive(Debug, Clone, Copy)]
+enum Moment {
+    /// This long before now.
+    Ago(Span),
+    At(DateTime),
+}
+
+fn parse_moment(text: &str) -> Result<Moment, &'static str> {
+    let text = text.trim();
+    if let Ok(ago) = text.parse::<Span>()
+        && !ago.is_negative()
+    {
+        return Ok(Moment::Ago(ago));
+    }
+    text.parse().map(Moment::At).map_err(|_| {
+        "expected an age with its unit, such as 30m, 12h, 7d or 2w, or a date such as 2026-11-01 \
+         or 2026-11-01T21:30"
+    })
+}
+
+impl Moment {
+    fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, jiff::Error> {
+        let resolved = match self {
+            Moment::Ago(ago) => now.to_zoned(zone.clone()).checked_sub(*ago)?,
+            Moment::At(time) => zone.to_ambiguous_zoned(*time).compatible()?,
+        };
+        Ok(resolved.timestamp())
+    }
 }
 
 /// The entries to show.
@@ -102,16 +131,19 @@ impl Topic {
 
 const DEFAULT_LIMIT: u32 = 1000;
 
-pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
-    let config = args.settings.config()?;
+pub(super) fn run(args: &HistoryArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let config = settings.config()?;
     let data = config.data_folder();
     let zone = config.zone().time_zone().clone();
     let now = Timestamp::now();
-    let resolve = |moment: &Option<moment::Moment>| {
+    let resolve = |moment: &Option<Moment>| {
         let moment = moment.as_ref().map(|moment| moment.resolve(now, &zone));
-        moment.transpose().map_err(Failure::usage)
+        let no_such_time = |error| format!("there is no such time: {error}");
+        moment
+            .transpose()
+            .map_err(|error| Failure::usage(no_such_time(error)))
     };
-    let span = Span {
+    let span = journal::Span {
         since: resolve(&args.since)?,
         until: resolve(&args.until)?,
         robot: args.robot.clone(),
@@ -140,7 +172,7 @@ fn open(data: &Path) -> Result<JournalReader, Failure> {
 fn list(
     args: &HistoryArgs,
     history: &JournalReader,
-    mut span: Span,
+    mut span: journal::Span,
     zone: &TimeZone,
 ) -> Result<Exit, Failure> {
     let limited = span.since.is_some();
@@ -151,13 +183,12 @@ fn list(
         Topic::Battery => history.battery(&span),
         topic => history.records(&topic.kinds(), &span),
     };
-    let records = records.map_err(unreadable)?;
+    let records = records.map_err(|error| Failure::io("read the journal", error))?;
     if !limited && records.len() == DEFAULT_LIMIT as usize {
         tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
-        let text = serde_json::to_string(&records).map_err(Failure::internal)?;
-        print(&format!("{text}\n"))?;
+        print_json(&records)?;
         return Ok(Exit::Done);
     }
     let view = view(args.topic, &records, zone);
@@ -177,7 +208,7 @@ fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {
         Topic::Battery => &["time", "robot", "percent", "charging"],
         Topic::Link => &["time", "robot", "link", "what"],
         Topic::Docks => &["time", "robot", "event", "by", "end", "attempts", "seconds"],
-        Topic::Runs => return View::of_runs(&runs::runs(records), zone),
+        Topic::Runs => return View::of_runs(records, zone),
         Topic::Pictures => &["time", "behaviour", "path"],
         Topic::Entries => &["time", "behaviour", "kind", "fields"],
         Topic::Messages => &["time", "behaviour", "text", "picture"],
@@ -185,6 +216,365 @@ fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {
     View::new(columns, records, zone)
 }
 
-fn unreadable(error: crate::journal::JournalError) -> Failure {
-    Failure::io("read the journal", error)
+/// The records as rows: a table for people, CSV for spreadsheets.
+#[derive(Debug, PartialEq)]
+struct View {
+    columns: &'static [&'static str],
+    rows: Vec<Vec<String>>,
+}
+
+impl View {
+    /// A row for each record; see [`cell`] for the columns.
+    fn new(columns: &'static [&'static str], records: &[Record], zone: &TimeZone) -> View {
+        let row = |one: &Record| columns.iter().map(|name| cell(name, one, zone)).collect();
+        let rows = records.iter().map(row).collect();
+        View { columns, rows }
+    }
+
+    fn of_runs(records: &[Record], zone: &TimeZone) -> View {
+        let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
+        let row = |run: &Run| {
+            let seconds = run.lasted().map(i64::unsigned_abs);
+            let lasted = seconds.map(|seconds| clock::hours(Duration::from_secs(seconds)));
+            vec![
+                moment(run.began),
+                moment(run.ended),
+                lasted.unwrap_or_default(),
+                run.behaviour.clone(),
+                run.reason.clone(),
+                run.message.clone(),
+            ]
+        };
+        View {
+            columns: &["began", "ended", "lasted", "behaviour", "end", "what"],
+            rows: runs(records).iter().map(row).collect(),
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    fn table(self) -> String {
+        let title = |name: &&str| match *name {
+            "percent" | "attempts" | "seconds" | "lasted" => format!(">{}", name.to_uppercase()),
+            _ => name.to_uppercase(),
+        };
+        let titles: Vec<String> = self.columns.iter().map(title).collect();
+        aligned(&titles.join("|"), self.rows)
+    }
+
+    fn csv(&self) -> String {
+        let mut csv = format!("{}\n", self.columns.join(","));
+        for row in &self.rows {
+            let cells: Vec<String> = row.iter().map(|cell| csv_cell(cell)).collect();
+            csv.push_str(&format!("{}\n", cells.join(",")));
+        }
+        csv
+    }
+}
+
+/// A column of a record: what is known of each one, or else a text of its event.
+fn cell(column: &str, one: &Record, zone: &TimeZone) -> String {
+    let seconds = |long: f64| format!("{long:.1}");
+    match column {
+        "time" => time(one.at, zone),
+        "robot" => one.robot.clone().unwrap_or_default(),
+        "event" => one.kind().to_owned(),
+        "what" => describe(one),
+        "link" if one.kind() == "link_up" => "up".to_owned(),
+        "link" => "down".to_owned(),
+        "charging" if one.is("charging") => "yes".to_owned(),
+        "charging" => "no".to_owned(),
+        "by" => asked_by(one).to_owned(),
+        "percent" | "attempts" => one
+            .number(column)
+            .map_or_else(String::new, |it| it.to_string()),
+        "seconds" => one.number(column).map_or_else(String::new, seconds),
+        "fields" => fields(one),
+        _ => one.text(column).to_owned(),
+    }
+}
+
+/// Who asked for a docking.
+fn asked_by(one: &Record) -> &str {
+    match one.text("by") {
+        "" => "watchdog",
+        by => by,
+    }
+}
+
+fn describe(one: &Record) -> String {
+    let text = |key| one.text(key);
+    let whole = |key| one.number(key).unwrap_or(0.0);
+    let if_docked = |words| if one.is("docked") { words } else { "" };
+    match one.kind() {
+        "link_up" => {
+            let docked = if_docked(", on its station");
+            format!("{} at {}{docked}", text("name"), text("address"))
+        }
+        "link_down" => text("reason").to_owned(),
+        "watchdog" => {
+            let docked = if_docked(", docked");
+            format!("{}{docked}", text("state").replace('_', " "))
+        }
+        "safety" => format!("{}: {}", text("action"), text("reason")),
+        "dock" => {
+            let by = asked_by(one);
+            let tries = match whole("attempts") {
+                1.0 => "1 try".to_owned(),
+                tries => format!("{tries} tries"),
+            };
+            format!(
+                "{}, {tries}, {:.0} s, for {by}",
+                text("end"),
+                whole("seconds")
+            )
+        }
+        "undock" => format!("{}, for {}", text("end"), text("by")),
+        "started" => text("behaviour").to_owned(),
+        "ended" => {
+            let message = match text("message") {
+                "" => String::new(),
+                message => format!(": {message}"),
+            };
+            format!("{} {}{message}", text("behaviour"), text("reason"))
+        }
+        "given_up" => format!("{}: {}", text("behaviour"), text("message")),
+        "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
+        "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
+        "stop_reset" => format!("a person has released the robot: {}", text("by")),
+        "picture" => text("path").to_owned(),
+        "entry" => format!("{}: {} {}", text("behaviour"), text("kind"), fields(one)),
+        "notify" => format!("{}: {}", text("behaviour"), text("text")),
+        "lost" => format!("{} events could not be written", whole("count")),
+        _ => String::new(),
+    }
+}
+
+fn fields(one: &Record) -> String {
+    let Some(Value::Object(fields)) = one.data.get("data") else {
+        return String::new();
+    };
+    let field = |(name, value): (&String, &Value)| match value {
+        Value::String(text) => format!("{name}={text}"),
+        value => format!("{name}={value}"),
+    };
+    fields.iter().map(field).collect::<Vec<_>>().join(" ")
+}
+
+fn time(at: Timestamp, zone: &TimeZone) -> String {
+    at.to_zoned(zone.clone())
+        .strftime("%Y-%m-%d %H:%M:%S")
+        .to_string()
+}
+
+/// A behaviour from its start to its end.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Run {
+    behaviour: String,
+    began: Option<Timestamp>,
+    /// `None` if it is still running or its agent was killed.
+    ended: Option<Timestamp>,
+    /// The running time recorded by the agent.
+    seconds: Option<f64>,
+    /// Why it ended; empty if unknown.
+    reason: String,
+    message: String,
+}
+
+impl Run {
+    /// How long it ran, in whole seconds. Prefers the recorded running time over the difference of
+    /// the timestamps: the clock may have been set in between.
+    fn lasted(&self) -> Option<i64> {
+        let own = self.seconds.map(|seconds| seconds.round() as i64);
+        let shown = self.began.zip(self.ended);
+        let shown = shown.map(|(began, ended)| ended.duration_since(began).as_secs().max(0));
+        own.or(shown)
+    }
+}
+
+/// The runs of `started` and `ended` records, in the order in which they began.
+fn runs(records: &[Record]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut open: BTreeMap<(i64, String), usize> = BTreeMap::new();
+    for record in records {
+        let behaviour = record.text("behaviour").to_owned();
+        let key = (record.session, behaviour.clone());
+        let begins = record.kind() == "started";
+        if !begins && record.kind() != "ended" {
+            continue;
+        }
+        let known = if begins { None } else { open.remove(&key) };
+        let at = known.unwrap_or(runs.len());
+        if known.is_none() {
+            runs.push(Run {
+                behaviour,
+                ..Run::default()
+            });
+        }
+        let run = &mut runs[at];
+        if begins {
+            run.began = Some(record.at);
+            open.insert(key, at);
+        } else {
+            run.ended = Some(record.at);
+            run.seconds = record.number("seconds");
+            run.reason = record.text("reason").to_owned();
+            run.message = record.text("message").to_owned();
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    fn resolved(text: &str) -> String {
+        let now = "2026-11-22T12:00:00Z".parse().unwrap();
+        let zone = TimeZone::get("Europe/Rome").unwrap();
+        let at = parse_moment(text).unwrap().resolve(now, &zone).unwrap();
+        at.to_string()
+    }
+
+    #[test]
+    fn ages_dates_and_times_are_understood() {
+        assert_eq!(resolved("90m"), "2026-11-22T10:30:00Z");
+        assert_eq!(resolved("7d"), "2026-11-15T12:00:00Z");
+        assert_eq!(resolved("0.5h"), "2026-11-22T11:30:00Z");
+        assert_eq!(resolved("2026-11-01"), "2026-10-31T23:00:00Z");
+        assert_eq!(resolved("2026-11-01T21:30"), "2026-11-01T20:30:00Z");
+        assert_eq!(resolved("2026-11-01 21:30"), "2026-11-01T20:30:00Z");
+    }
+
+    #[test]
+    fn a_time_in_the_hour_that_the_clock_skips_is_moved_forward() {
+        assert_eq!(resolved("2026-03-29T02:30"), "2026-03-29T01:30:00Z");
+    }
+
+    #[test]
+    fn the_error_for_invalid_text_names_the_expected_form() {
+        for text in [
+            "",
+            "yesterday",
+            "7",
+            "-1d",
+            "7x",
+            "2026-13-01",
+            "nand",
+            "infd",
+            "1e9w",
+        ] {
+            let error = parse_moment(text).unwrap_err();
+            assert!(error.contains("7d"), "{text}: {error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_causes_a_panic(text in "\\PC{0,30}") {
+            if let Ok(moment) = parse_moment(&text) {
+                let _ = moment.resolve(Timestamp::now(), &TimeZone::UTC);
+            }
+        }
+    }
+
+    fn record(seconds: i64, data: serde_json::Value) -> Record {
+        Record {
+            at: Timestamp::from_second(1_790_000_000 + seconds).unwrap(),
+            session: 1,
+            robot: Some("SPYKEE0001".to_owned()),
+            data: data.as_object().unwrap().clone(),
+        }
+    }
+
+    fn zone() -> TimeZone {
+        TimeZone::get("Europe/Rome").unwrap()
+    }
+
+    #[test]
+    fn the_table_has_local_times_and_descriptions() {
+        let records = [
+            record(
+                0,
+                json!({"event": "link_up", "name": "Rover", "address": "10.0.0.2:9000", "docked": true}),
+            ),
+            record(
+                1,
+                json!({"event": "dock", "by": null, "end": "base_not_found", "attempts": 1, "seconds": 180.4}),
+            ),
+            record(
+                2,
+                json!({"event": "entry", "behaviour": "guard", "kind": "moved", "data": {"energy": 3.5, "where": "door"}}),
+            ),
+            record(3, json!({"event": "lost", "count": 7})),
+            record(4, json!({"event": "something_of_the_future"})),
+        ];
+        let table = View::new(&["time", "robot", "event", "what"], &records, &zone()).table();
+        for words in [
+            "TIME",
+            "2026-09-21 16:13:20  SPYKEE0001  link_up",
+            "Rover at 10.0.0.2:9000, on its station",
+            "base_not_found, 1 try, 180 s, for watchdog",
+            "guard: moved energy=3.5 where=door",
+            "7 events could not be written",
+        ] {
+            assert!(table.contains(words), "{words}:\n{table}");
+        }
+    }
+
+    #[test]
+    fn csv_has_one_cell_for_each_value_and_no_formula() {
+        let records = [record(
+            0,
+            json!({"event": "notify", "behaviour": "guard", "text": "=1+1, \"quoted\""}),
+        )];
+        let columns = &["time", "behaviour", "text", "picture"];
+        let csv = View::new(columns, &records, &zone()).csv();
+        let expected = "time,behaviour,text,picture\n\
+                        2026-09-21 16:13:20,guard,\"'=1+1, \"\"quoted\"\"\",\n";
+        assert_eq!(csv, expected);
+    }
+
+    #[test]
+    fn starts_and_ends_make_runs_and_a_killed_run_has_no_end() {
+        let records = [
+            record(0, json!({"event": "started", "behaviour": "patrol"})),
+            record(1, json!({"event": "started", "behaviour": "guard"})),
+            record(
+                5,
+                json!({"event": "ended", "behaviour": "guard", "reason": "error", "message": "guard.lua:3: no"}),
+            ),
+            record(6, json!({"event": "started", "behaviour": "guard"})),
+            record(
+                9,
+                json!({"event": "ended", "behaviour": "patrol", "reason": "done"}),
+            ),
+        ];
+        let runs = runs(&records);
+        let summary: Vec<_> = runs
+            .iter()
+            .map(|run| {
+                (
+                    run.behaviour.as_str(),
+                    run.reason.as_str(),
+                    run.ended.is_some(),
+                )
+            })
+            .collect();
+        let expected = [
+            ("patrol", "done", true),
+            ("guard", "error", true),
+            ("guard", "", false),
+        ];
+        assert_eq!(summary, expected);
+        assert_eq!(
+            super::runs(&records[2..3])[0].began,
+            None,
+            "it began before"
+        );
+    }
 }

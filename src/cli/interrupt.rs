@@ -74,36 +74,9 @@ pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
 
 /// From now on the first terminating signal cancels `stop`, and Ctrl-Z first stops the robot, by a
 /// request to its pilot, then suspends this program. The driving core handles the signals: any
-/// other thread may be blocked on the disk.
+/// other thread may be blocked on the disk. The caller handles `others` itself. While this program
+/// is suspended the terminal has its `original` settings, if any.
 pub(super) fn handle_signals(
-    core: &Handle,
-    requests: mpsc::Sender<Request>,
-    stop: CancellationToken,
-) -> Result<(), Failure> {
-    install_handlers(core, requests, stop, &[], None)
-}
-
-/// Like [`handle_signals`], for a service: the caller handles SIGHUP.
-pub(super) fn handle_service_signals(
-    core: &Handle,
-    requests: mpsc::Sender<Request>,
-    stop: CancellationToken,
-) -> Result<(), Failure> {
-    install_handlers(core, requests, stop, &[libc::SIGHUP], None)
-}
-
-/// Like [`handle_signals`], for a prompt: the caller handles SIGINT, and while this program is
-/// suspended the terminal has its original settings.
-pub(super) fn handle_prompt_signals(
-    core: &Handle,
-    requests: mpsc::Sender<Request>,
-    stop: CancellationToken,
-    original: Terminal,
-) -> Result<(), Failure> {
-    install_handlers(core, requests, stop, &[libc::SIGINT], Some(original))
-}
-
-fn install_handlers(
     core: &Handle,
     requests: mpsc::Sender<Request>,
     stop: CancellationToken,

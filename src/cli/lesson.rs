@@ -5,17 +5,11 @@ mod check;
 mod class;
 mod feedback;
 mod grade;
-mod marks;
-mod similarity;
 
-use std::ffi::OsStr;
-use std::fs;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, TypedValueParser};
-
-use super::argument::ArgumentError;
-use super::table::{Side, aligned};
+use super::new::create_project;
+use super::table::aligned;
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
 
@@ -48,59 +42,39 @@ pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure>
 }
 
 fn list() -> Result<Exit, Failure> {
-    let head = [
-        ("LESSON", Side::Right),
-        ("TITLE", Side::Left),
-        ("YOU LEARN", Side::Left),
-    ];
-    let rows: Vec<Vec<String>> = Lesson::all()
-        .iter()
-        .map(|lesson| {
-            vec![
-                lesson.number.to_string(),
-                lesson.title().to_owned(),
-                lesson.subjects().to_owned(),
-            ]
-        })
-        .collect();
+    let row = |lesson: &Lesson| {
+        vec![
+            lesson.number.to_string(),
+            lesson.title().to_owned(),
+            lesson.subjects().to_owned(),
+        ]
+    };
     print(&format!(
         "{}\nStart one with: spykee lesson start 1\n",
-        aligned(&head, &rows)
+        aligned(">LESSON|TITLE|YOU LEARN", Lesson::all().iter().map(row))
     ))?;
     Ok(Exit::Done)
 }
 
-/// Parses a lesson's number, from 1, or its name, such as `moving` or `03-moving`. Shells complete
-/// the names.
-#[derive(Debug, Clone)]
-struct LessonParser;
-
-impl TypedValueParser for LessonParser {
-    type Value = &'static Lesson;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        arg: Option<&clap::Arg>,
-        value: &OsStr,
-    ) -> Result<&'static Lesson, clap::Error> {
-        parse_lesson.parse_ref(command, arg, value)
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let names = Lesson::all().iter().map(Lesson::name);
-        Some(Box::new(names.map(PossibleValue::new)))
-    }
+/// The names of the lessons, for shells to complete.
+pub(super) fn lesson_names() -> impl Iterator<Item = &'static str> {
+    Lesson::all().iter().map(Lesson::name)
 }
 
-fn parse_lesson(text: &str) -> Result<&'static Lesson, ArgumentError> {
-    Lesson::named(text).ok_or_else(|| ArgumentError::Lesson(Lesson::all().len()))
+/// Parses a lesson's number, from 1, or its name, such as `moving` or `03-moving`.
+fn parse_lesson(text: &str) -> Result<&'static Lesson, String> {
+    Lesson::named(text).ok_or_else(|| {
+        let last = Lesson::all().len();
+        format!(
+            "expected a lesson's name or a number from 1 to {last}; `spykee lesson list` shows them"
+        )
+    })
 }
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
     /// Number or name of the lesson
-    #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
+    #[arg(value_name = "LESSON", value_parser = parse_lesson)]
     lesson: &'static Lesson,
 
     /// Folder to create [default: named after the lesson, such as lesson-03-moving]
@@ -111,27 +85,22 @@ struct StartArgs {
 /// Creates the folder. Does not change an existing one.
 fn start(args: &StartArgs) -> Result<Exit, Failure> {
     let lesson = args.lesson;
+    let number = lesson.number;
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
     let folder = args.folder.clone().unwrap_or_else(own);
     let shown = folder.display();
-    let cannot = |error| Failure::io(format_args!("create {shown}"), error);
     if let Some(parent) = folder.parent() {
-        fs::create_dir_all(parent).map_err(cannot)?;
+        std::fs::create_dir_all(parent)
+            .map_err(|error| Failure::io(format_args!("create {shown}"), error))?;
     }
-    fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
-            .help(format!(
-                "nothing was changed; continue in it, or use another folder: spykee lesson start {} \
-                 DIR",
-                lesson.number
-            )),
-        _ => cannot(error),
-    })?;
     let file = lesson.file();
-    for (name, text) in [("README.md", lesson.readme), (&file, lesson.starter)] {
-        fs::write(folder.join(name), text).map_err(cannot)?;
-    }
-    let number = lesson.number;
+    let files = [
+        ("README.md".to_owned(), lesson.readme.to_owned()),
+        (file.clone(), lesson.starter.to_owned()),
+    ];
+    let instead =
+        format!("continue in it, or use another folder: spykee lesson start {number} DIR");
+    create_project(&folder, &files, &instead)?;
     let title = lesson.title();
     let world = lesson.world;
     print(&format!(

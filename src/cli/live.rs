@@ -40,24 +40,14 @@ impl PageInputs {
     /// Serves the page, logs its address, and opens it in the browser if a person is at the
     /// terminal.
     pub(super) fn serve(self, run: Run, console: &Console) -> Result<Live, Failure> {
-        let PageInputs {
-            options,
-            data,
-            definition,
-            bus,
-        } = self;
-        let log = live::tap();
-        let live = Live::start(
-            WebContext {
-                run,
-                definition,
-                bus,
-                log,
-                data,
-            },
-            &options,
-        )
-        .map_err(refused)?;
+        let context = WebContext {
+            run,
+            definition: self.definition,
+            bus: self.bus,
+            log: live::tap(),
+            data: self.data,
+        };
+        let live = Live::start(context, &self.options).map_err(refused)?;
         let url = live.url();
         tracing::info!("the page is at {url}");
         if console.has_status_line() {

@@ -163,24 +163,10 @@ impl Visit for Reading {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
-    use std::sync::{Arc, Mutex};
-
-    #[derive(Clone, Default)]
-    struct TestOutput(Arc<Mutex<Vec<u8>>>);
-
-    impl Write for TestOutput {
-        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-            self.0.lock().unwrap().write(bytes)
-        }
-
-        fn flush(&mut self) -> std::io::Result<()> {
-            Ok(())
-        }
-    }
+    use crate::cli::console::Collected;
 
     fn logged(log: impl FnOnce()) -> String {
-        let output = TestOutput::default();
+        let output = Collected::default();
         let written = output.clone();
         let subscriber = tracing_subscriber::fmt()
             .with_writer(move || written.clone())
@@ -190,8 +176,7 @@ mod tests {
             .fmt_fields(Plain)
             .finish();
         tracing::subscriber::with_default(subscriber, log);
-        let bytes = output.0.lock().unwrap().clone();
-        String::from_utf8(bytes).unwrap().trim().to_owned()
+        output.into_text().trim().to_owned()
     }
 
     #[test]

@@ -6,7 +6,6 @@ mod argument;
 mod assembly;
 mod behaviour;
 mod behaviour_loader;
-mod broker;
 mod calibrate;
 mod check;
 mod colour;
@@ -17,7 +16,6 @@ mod console;
 mod discover;
 mod doctor;
 mod driver;
-mod embedded;
 mod failure;
 mod fast;
 mod fleet;
@@ -28,17 +26,11 @@ mod live;
 mod logging;
 mod new;
 mod notify;
-mod params;
-mod privileges;
 mod repl;
 mod robot;
-mod robot_target;
 mod run;
 mod running;
 mod runs;
-mod schedule;
-mod screen;
-mod script_checker;
 mod secret;
 mod serve;
 mod service;
@@ -55,6 +47,7 @@ use std::cell::RefCell;
 use std::ffi::OsString;
 use std::future::Future;
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -65,11 +58,12 @@ use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
 use crate::scenario::{SCENARIO_PROCESS, scenario_process_main};
 use clap::{CommandFactory, Parser, Subcommand};
+use serde::Serialize;
 
-pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
+pub use connection::{ConnectionArgs, LoginArgs};
 pub use console::Console;
 pub use failure::{Exit, Failure};
-use settings::{ConfigFlag, SettingsArgs};
+use settings::CommandSettings;
 
 /// Timeout for writing the last lines to a blocked stderr at exit.
 const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
@@ -83,8 +77,10 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    #[command(flatten)]
-    config: ConfigFlag,
+    /// YAML file with the settings [default: $SPYKEE_CONFIG, or else spykee.yaml in the current
+    /// folder]
+    #[arg(long, value_name = "FILE", global = true)]
+    config: Option<PathBuf>,
 
     /// Format of the log on stderr [default: text]; $RUST_LOG filters it
     #[arg(long, value_enum, global = true)]
@@ -120,51 +116,44 @@ enum Command {
 }
 
 impl Command {
-    /// The settings of the subcommand, if it uses any.
-    fn settings(&self) -> Option<&SettingsArgs> {
-        match self {
-            Command::Run(args) => Some(&args.settings),
-            Command::Serve(args) => Some(&args.settings),
-            Command::Status(args) => Some(&args.settings),
-            Command::Behaviour(args) => Some(args.settings()),
-            Command::History(args) => Some(&args.settings),
-            Command::Fleet(args) => Some(args.settings()),
-            Command::Token(args) => Some(&args.settings),
-            Command::Robot(args) => Some(args.settings()),
-            Command::Calibrate(args) => Some(args.settings()),
-            Command::Doctor(args) => Some(&args.settings),
-            Command::Repl(args) => Some(&args.settings),
-            Command::Check(args) => Some(&args.settings),
-            Command::Test(args) => Some(&args.settings),
-            Command::Colour(args) => args.settings(),
-            Command::Config(args) => args.settings(),
-            _ => None,
-        }
+    /// Whether the subcommand uses the settings. The unit's config that `service` names may belong
+    /// to another user.
+    fn uses_settings(&self) -> bool {
+        !matches!(
+            self,
+            Command::Service(_)
+                | Command::Discover(_)
+                | Command::New(_)
+                | Command::Lesson(_)
+                | Command::Api(_)
+                | Command::Sim(_)
+                | Command::Completions(_)
+        )
     }
 
-    fn run(self, console: &Console) -> Result<Exit, Failure> {
+    fn run(self, settings: &CommandSettings, console: &Console) -> Result<Exit, Failure> {
         match self {
-            Command::Run(args) => run::run(&args, console),
-            Command::Serve(args) => serve::run(&args, console),
+            Command::Run(args) => run::run(*args, settings, console),
+            Command::Serve(args) => serve::run(&args, settings, console),
             Command::Service(args) => service::run(&args),
-            Command::Status(args) => runs::run(&args),
-            Command::Behaviour(args) => behaviour::run(&args),
-            Command::History(args) => history::run(&args),
-            Command::Fleet(args) => fleet::run(&args),
-            Command::Token(args) => token::run(&args),
-            Command::Discover(args) => discover::run(&args, console),
-            Command::Robot(args) => robot::run(&args, console),
-            Command::Calibrate(args) => calibrate::run(&args),
-            Command::Doctor(args) => doctor::run(&args),
+            Command::Status(args) => runs::run(&args, settings),
+            Command::Behaviour(args) => behaviour::run(&args, settings),
+            Command::History(args) => history::run(&args, settings),
+            Command::Fleet(args) => fleet::run(&args, settings),
+            Command::Token(args) => token::run(&args, settings),
+            Command::Discover(args) => discover::run(&args),
+            Command::Robot(args) => robot::run(&args, settings, console),
+            Command::Calibrate(args) => calibrate::run(&args, settings),
+            Command::Doctor(args) => doctor::run(&args, settings),
             Command::New(args) => new::run(&args),
-            Command::Repl(args) => repl::run(&args, console),
-            Command::Check(args) => check::run(&args),
-            Command::Test(args) => test::run(&args, console),
+            Command::Repl(args) => repl::run(&args, settings, console),
+            Command::Check(args) => check::run(&args, settings),
+            Command::Test(args) => test::run(&args, settings, console),
             Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Sim(args) => sim::run(&args, console),
-            Command::Colour(args) => colour::run(&args, console),
-            Command::Config(args) => config::run(&args),
+            Command::Colour(args) => colour::run(&args, settings, console),
+            Command::Config(args) => config::run(&args, settings),
             Command::Completions(args) => completions::run(&args, command()),
         }
     }
@@ -255,16 +244,13 @@ fn execute<Guard>(
     start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
     start_logging: impl FnOnce(&Console, LogFormat, Level) -> Guard,
 ) -> Exit {
-    // An invalid config is reported by the subcommand that needs it.
     let named = match cli.command {
-        // Here --config names the unit's config, which may belong to another user.
         Command::Service(_) => None,
-        _ => cli.config.file,
+        _ => cli.config,
     };
     let is_named = named.is_some();
-    let default_settings = SettingsArgs::new(named);
-    let own = cli.command.settings();
-    let settings = own.unwrap_or(&default_settings);
+    let settings = CommandSettings::new(named);
+    // An invalid config is reported by the subcommand that needs it.
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format);
@@ -272,15 +258,17 @@ fn execute<Guard>(
         return Exit::Failed;
     };
     let _logging = start_logging(&console, format, logs.level);
-    if let Some(own) = own {
-        own.warn_about_variables();
-    }
-    let usable = match own {
-        None if is_named => default_settings.load().map(|_| ()),
-        _ => Ok(()),
+    let usable = if cli.command.uses_settings() {
+        settings.warn_about_variables();
+        Ok(())
+    } else if is_named {
+        settings.load().map(|_| ())
+    } else {
+        Ok(())
     };
-    let (exit, last_words) = match usable.and_then(|()| cli.command.run(&console)) {
+    let (exit, last_words) = match usable.and_then(|()| cli.command.run(&settings, &console)) {
         Ok(exit) => (exit, None),
+        Err(failure) if failure.what.is_empty() => (failure.exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),
     };
     console.end(last_words.as_deref(), CONSOLE_LIMIT);
@@ -346,6 +334,12 @@ thread_local! {
 /// not an error.
 fn print(text: &str) -> Result<(), Failure> {
     print_coloured(text, false)
+}
+
+/// Prints a value as JSON on a line.
+fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value).map_err(Failure::internal)?;
+    print(&format!("{text}\n"))
 }
 
 /// Like [`print`], but with `colour` keeps the sequences that set colours: the caller must already

@@ -2,16 +2,14 @@
 //! editors.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::api;
+use crate::behaviour::MAX_NAME;
 use crate::config;
-
-const MAX_NAME: usize = 64;
 
 /// Create a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
@@ -56,30 +54,26 @@ impl Template {
 }
 
 /// Parses a name, which must be valid for a folder, a file and a behaviour.
-fn parse_name(text: &str) -> Result<String, ArgumentError> {
+fn parse_name(text: &str) -> Result<String, String> {
     let usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     let right = text.starts_with(|c: char| c.is_ascii_alphabetic())
         && text.chars().all(usual)
         && text.len() <= MAX_NAME
         && !text.ends_with("_test");
     if !right {
-        return Err(ArgumentError::Project);
+        return Err(format!(
+            "expected at most {MAX_NAME} letters, digits, `_` and `-`, beginning with a letter and \
+             not ending in `_test`"
+        ));
     }
     Ok(text.to_owned())
 }
 
-/// Creates the folder. Does not change an existing one.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = PathBuf::from(&args.name);
+    let folder = Path::new(&args.name);
+    let files = files(&args.name, args.template);
+    create_project(folder, &files, "choose another name")?;
     let shown = folder.display();
-    fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
-            .help("nothing was changed; choose another name"),
-        _ => Failure::io(format_args!("create {shown}"), error),
-    })?;
-    for (name, text) in files(&args.name, args.template) {
-        write(&folder.join(name), &text)?;
-    }
     print(&format!(
         "created {shown}\n\nnext:\n  cd {shown}\n  spykee run {}.lua --sim\n",
         args.name
@@ -87,11 +81,40 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
-    let written = folder.and_then(|()| fs::write(path, text));
-    written.map_err(|error| Failure::unwritable(path, error))
+/// Creates a folder with these files. Does not change an existing one, and then says what to do
+/// instead.
+pub(super) fn create_project(
+    folder: &Path,
+    files: &[(String, String)],
+    instead: &str,
+) -> Result<(), Failure> {
+    let shown = folder.display();
+    fs::create_dir(folder).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
+            .help(format!("nothing was changed; {instead}")),
+        _ => Failure::io(format_args!("create {shown}"), error),
+    })?;
+    for (name, text) in files {
+        let path = folder.join(name);
+        let parent = path.parent().map_or(Ok(()), fs::create_dir_all);
+        let written = parent.and_then(|()| fs::write(&path, text));
+        written.map_err(|error| Failure::unwritable(&path, error))?;
+    }
+    Ok(())
 }
+
+/// The files that are the same for all templates.
+const FILES: [(&str, &str); 6] = [
+    ("spykee.yaml", include_str!("new/spykee.yaml")),
+    ("README.md", include_str!("new/README.md")),
+    (".gitignore", include_str!("new/gitignore")),
+    (".luaurc", include_str!("new/luaurc")),
+    (".vscode/settings.json", include_str!("new/settings.json")),
+    (
+        ".vscode/extensions.json",
+        include_str!("new/extensions.json"),
+    ),
+];
 
 fn files(name: &str, template: Template) -> Vec<(String, String)> {
     let (behaviour, test) = template.texts();
@@ -99,30 +122,13 @@ fn files(name: &str, template: Template) -> Vec<(String, String)> {
     let mut files = vec![
         (format!("{name}.lua"), own(behaviour)),
         (format!("{name}_test.lua"), own(test)),
-        (
-            "spykee.yaml".to_owned(),
-            own(include_str!("new/spykee.yaml")),
-        ),
-        ("README.md".to_owned(), own(include_str!("new/README.md"))),
-        (
-            ".gitignore".to_owned(),
-            include_str!("new/gitignore").to_owned(),
-        ),
-        (".luaurc".to_owned(), include_str!("new/luaurc").to_owned()),
-        (
-            ".vscode/settings.json".to_owned(),
-            include_str!("new/settings.json").to_owned(),
-        ),
-        (
-            ".vscode/extensions.json".to_owned(),
-            include_str!("new/extensions.json").to_owned(),
-        ),
         ("spykee.d.luau".to_owned(), api::luau()),
         (
             "spykee.schema.json".to_owned(),
             format!("{:#}\n", config::schema()),
         ),
     ];
+    files.extend(FILES.map(|(file, text)| (file.to_owned(), own(text))));
     files.extend(api::modules().map(|module| {
         let file = format!(".spykee/{}.luau", module.name);
         (file, api::module_stub(module))

@@ -1,4 +1,5 @@
-//! `spykee config test-notify`, and the notifications of a run: reads the config's targets and their secrets.
+//! `spykee config test-notify`, and the notifications of a run: reads the config's targets and
+//! their secrets.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,8 +9,8 @@ use std::time::Duration;
 use jiff::Timestamp;
 use tokio_util::sync::CancellationToken;
 
-use super::settings::SettingsArgs;
-use super::{Exit, Failure, broker, print, secret};
+use super::settings::CommandSettings;
+use super::{Exit, Failure, fleet, print, secret};
 use crate::agent::Bus;
 use crate::config::Effective;
 use crate::mqtt::publish;
@@ -37,14 +38,11 @@ pub(super) struct TestArgs {
     /// JPEG picture to attach
     #[arg(long, value_name = "FILE.jpg")]
     picture: Option<PathBuf>,
-
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 }
 
 /// Sends the message.
-pub(super) fn run(args: &TestArgs) -> Result<Exit, Failure> {
-    let settings = args.settings.load()?;
+pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let settings = settings.load()?;
     let options = &settings.config.notify;
     let chosen = chosen(options, &args.targets)?;
     let tokens = tokens(settings, chosen.iter().copied())?;
@@ -121,7 +119,7 @@ fn publisher(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
     }
-    let Some(account) = broker::account(settings)? else {
+    let Some(account) = fleet::account(settings)? else {
         return Ok(None);
     };
     Ok(Some(Arc::new(move |topic, payload| {
@@ -155,22 +153,16 @@ fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
         Target { topic: Some(_), .. } => "uses a broker",
         _ => return Ok(()),
     };
-    let config = config.display();
-    let failure = Failure::usage(format_args!(
-        "the target {name} {what}, but its config {config} was found in the current folder, not \
-         named"
-    ));
-    Err(failure.help(format!(
-        "name the config, --config {config}, if you trust it"
-    )))
+    let what = format_args!(
+        "the target {name} {what}, but its config {} was found in the current folder, not named",
+        config.display()
+    );
+    Err(secret::refuse_found(config, what))
 }
 
 fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<String>, Failure> {
-    let Some(path) = &target.token_file else {
-        return Ok(None);
-    };
-    let read = secret::from_configured_file(path, found);
-    read.map(Some).map_err(|failure| Failure {
+    let read = secret::from_optional_file(target.token_file.as_deref(), found);
+    read.map_err(|failure| Failure {
         what: format!("the target {name}: {}", failure.what),
         ..failure
     })

@@ -12,13 +12,9 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::embedded::Simulated;
-use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
-use super::robot_target::{ChosenRobot, connector};
-use super::settings::SettingsArgs;
-use super::startup::{
-    driving_core, guardian_files, heartbeat, launcher, refuse_if_stopped, rescue, runtime,
-};
+use super::interrupt::{Terminal, handle_signals, listen};
+use super::settings::CommandSettings;
+use super::startup::{driving_core, guardian_files, heartbeat, launcher, runtime};
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, ReplError, ReplSession};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
@@ -43,9 +39,6 @@ const MAX_EDITOR_COMMANDS: usize = 257;
 /// with `local` exists only in that line; without `local` the later lines have it too.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
-
     /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
@@ -55,29 +48,33 @@ pub(super) struct ReplArgs {
 }
 
 /// Runs the session until the user ends it.
-pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
-    let mut config = args.settings.config()?.clone();
-    let robot = ChosenRobot::load(&args.connection, &mut config)?;
-    args.settings.announce();
+pub(super) fn run(
+    args: &ReplArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let robot = ChosenRobot::required(robot)?;
-    let login = args.connection.login.login(args.settings.load()?)?;
+    let target = args.connection.resolve(settings, seed)?;
     let runtime = runtime()?;
-    let (target, sim) = robot.start(&login, seed, Simulated::default())?;
-    refuse_if_stopped(&config, sim.is_some())?;
+    let parts = target.driver_parts(seed)?;
     let core = driving_core()?;
-    let connector = connector(target, login);
-    let settings = config.pilot(sim.is_some(), seed);
+    let config = &target.config;
     let files = GuardianFiles {
         stop_socket: None,
-        ..guardian_files(&config)
+        ..guardian_files(config)
     };
-    let heartbeat = Some(heartbeat(sim.is_some(), files)?);
+    let heartbeat = Some(heartbeat(target.sim.is_some(), files)?);
     let repl_session = ReplSession {
-        launch: launch(&config, seed)?,
+        launch: launch(config, seed)?,
         launcher: launcher()?,
-        setup: PilotSetup::new(settings, connector, core.handle().clone(), heartbeat),
-        rescue: rescue(&config, seed)?,
+        setup: PilotSetup::new(
+            parts.settings,
+            parts.connector,
+            core.handle().clone(),
+            heartbeat,
+        ),
+        rescue: parts.rescue,
     };
     let terminal = Terminal::current();
     let outcome = runtime.block_on(run_session(repl_session, &terminal, console));
@@ -85,7 +82,6 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     console.redirect(None);
     terminal.restore();
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    drop(sim);
     outcome
 }
 
@@ -118,13 +114,23 @@ async fn run_session(
     let core = repl_session.setup.core().clone();
     let requests = repl_session.setup.requests();
     let mut interruption = if interactive {
-        handle_prompt_signals(&core, requests, stop.clone(), terminal.clone())?;
+        let original = Some(terminal.clone());
+        handle_signals(&core, requests, stop.clone(), &[libc::SIGINT], original)?;
         Some(listen(libc::SIGINT)?)
     } else {
-        handle_signals(&core, requests, stop.clone())?;
+        handle_signals(&core, requests, stop.clone(), &[], None)?;
         None
     };
-    let mut repl = Repl::new(commands, to_editor, console.clone(), interactive);
+    let mut repl = Repl {
+        commands: Some(commands),
+        to_editor,
+        console: console.clone(),
+        interactive,
+        begun: false,
+        running: false,
+        failed: false,
+        terminal_due: None,
+    };
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
     thread
@@ -172,24 +178,6 @@ struct Repl {
 }
 
 impl Repl {
-    fn new(
-        commands: mpsc::Sender<PromptCommand>,
-        to_editor: mpsc::Sender<EditorCommand>,
-        console: Console,
-        interactive: bool,
-    ) -> Repl {
-        Repl {
-            commands: Some(commands),
-            to_editor,
-            console,
-            interactive,
-            begun: false,
-            running: false,
-            failed: false,
-            terminal_due: None,
-        }
-    }
-
     fn take(&mut self, typed: Typed) {
         match typed {
             Typed::Ready => self.terminal_due = None,

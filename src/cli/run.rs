@@ -5,32 +5,27 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
-use tokio_util::sync::CancellationToken;
 
-use super::assembly::{Assembly, RunParts, RunSetup};
-use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
-use super::fast::{EventFile, Fast, SimulationJournalOptions};
-use super::interrupt::handle_signals;
+use super::assembly::{RunSetup, clock, exit_of, refuse_date_unless, zone};
+use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
+use super::connection::{ChosenRobot, RobotTarget, no_robot};
+use super::fast::FastSetup;
 use super::live::PageInputs;
-use super::params::Param;
-use super::robot_target::ChosenRobot;
-use super::settings::SettingsArgs;
+use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
-use super::startup::{serve, show};
 use super::world::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, broker, check};
-use crate::agent::{AgentError, Behaviour, Outcome};
-use crate::behaviour::{RestartPolicy, is_failure};
-use crate::clock::{Clock, Date, Span, Zone};
-use crate::config::{Config, Entry};
+use super::{ConnectionArgs, Console, Exit, Failure, argument, check};
+use crate::agent::Behaviour;
+use crate::behaviour::RestartPolicy;
+use crate::clock::{Date, Span};
+use crate::config::{Config, Effective, Entry};
+use crate::control::{self, SimulatedRobot};
 use crate::journal;
-use crate::link::LinkError;
 use crate::live::{RunDefinition, Script};
-use crate::robot::EndReason;
+use crate::robot::Streams;
 use crate::sim;
-use crate::simulation::{self, SimClock};
+use crate::simulation::{self, Running, SimClock};
 use crate::timetable::View;
-use crate::wire::Login;
 
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
@@ -38,9 +33,6 @@ pub(super) struct RunArgs {
     /// Behaviour scripts; several run at the same time [default: the config's behaviours]
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
-
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 
     /// Retry until the robot answers, instead of ending with exit code 3
     #[arg(long, conflicts_with = "fast")]
@@ -69,7 +61,7 @@ pub(super) struct RunArgs {
     watch: bool,
 
     /// With --sim: draw the robot's path and the events on the map of its world into this file
-    #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
+    #[arg(long, value_name = "FILE.png", value_parser = argument::png)]
     trace: Option<PathBuf>,
 
     /// With --sim: run in virtual time, as fast as possible; the same seed gives the same run
@@ -87,8 +79,8 @@ pub(super) struct RunArgs {
 
     /// Serve a web page that shows and controls the run, and print its address [default: the
     /// config's `live: listen`, or else 127.0.0.1:7788]. The run continues when its behaviours have
-    /// ended; Ctrl-C ends it. With --fast the page controls the clock: pause, single steps, 1 to 100
-    /// times real time
+    /// ended; Ctrl-C ends it. With --fast the page controls the clock: pause, single steps, 1 to
+    /// 100 times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
@@ -115,100 +107,96 @@ fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
 }
 
 /// Runs until the scripts have ended, the time limit is reached, or a signal arrives.
-pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
-    let mut args = args.clone();
+pub(super) fn run(
+    mut args: RunArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let mut config = args.settings.config()?.clone();
+    let mut config = settings.config()?.clone();
     if let Some(address) = args.live {
         config.live.listen = Some(address.unwrap_or(config.live.address()));
     }
-    let robot = ChosenRobot::load(&args.connection, &mut config)?;
-    args.settings.announce();
+    let robot = args.connection.choose(&mut config)?;
+    settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loaded = load(&args, &config, seed)?;
+    let loaded = load(&args, settings, &config, seed)?;
     // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&loaded.behaviours, console)?;
     }
-    let robot = ChosenRobot::required(robot)?;
+    let robot = robot.ok_or_else(no_robot)?;
     let simulated = robot.is_simulated();
     args.firmware.refuse_unless(simulated)?;
-    if args.date.is_some() && !simulated {
-        let what = "--date needs --sim: a real robot uses today's date";
-        return Err(
-            Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
-        );
-    }
-    let login = args.connection.login.login(args.settings.load()?)?;
+    refuse_date_unless(simulated, args.date)?;
+    let login = args.connection.login.login(settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
     } else {
         tracing::debug!(seed, "starting");
     }
+    let trace = trace_file(&args, simulated)?;
+    let sim_options = sim::Options {
+        login,
+        seed,
+        firmware: args.firmware.load()?,
+        // A page lets people start faults.
+        faults: args.live.map(|_| Vec::new()),
+        ..sim::Options::default()
+    };
     if args.fast {
+        let behaviours = loaded.behaviours;
         return fast(
             &args,
             &config,
             robot,
-            loaded.behaviours,
-            login,
-            seed,
+            behaviours,
+            sim_options,
+            trace,
             console,
         );
     }
-    in_real_time(&args, &config, robot, loaded, login, seed, console)
+    let robot = robot.start(config, sim_options)?;
+    in_real_time(&args, settings.load()?, robot, loaded, seed, trace, console)
 }
 
 /// Runs on a robot, or on a simulated one inside this program.
 fn in_real_time(
     args: &RunArgs,
-    config: &Config,
-    robot: ChosenRobot,
+    settings: &Effective,
+    robot: RobotTarget,
     loaded: LoadedBehaviours,
-    login: Login,
     seed: u64,
+    trace: Option<TraceFile>,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let trace = trace_file(args, robot.is_simulated())?;
     let LoadedBehaviours {
         behaviours,
         specs,
         watches,
     } = loaded;
-    let mut settings = args.settings.load()?.clone();
-    settings.config = config.clone();
-    let assembly = Assembly::new(RunSetup {
-        settings: &settings,
-        robot,
-        login,
+    let setup = RunSetup {
+        settings,
         seed,
-        firmware: args.firmware.load()?,
         waits: args.wait,
-        waits_for_reset: false,
-        keeps_journal: config.journal.record == journal::When::On,
-        clock: clock(args, config),
+        keeps_journal: robot.config.journal.record == journal::When::On,
+        clock: clock(args.date, args.fast, &robot.config),
         names: names(&behaviours),
         page: args.live.map(|_| definition(&behaviours)),
+        robot,
         behaviours,
         specs,
-        stays: args.live.is_some(),
         limit: args.limit.map(Span::get),
-        beats: None,
-    })?;
-    let sim = assembly.sim();
-    let outcome = assembly.run(async |parts| {
+        trace,
+        service: None,
+    };
+    setup.run(console, async |started| {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(parts, console).await
-    });
-    // Also drawn for a run that failed or was interrupted, where it is most useful.
-    let drawn = match (trace, &sim) {
-        (Some(trace), Some(sim)) => trace.write(sim),
-        _ => Ok(()),
-    };
-    outcome.and_then(|exit| drawn.map(|()| exit))
+        exit_of(started.agent.run(started.stop).await, false)
+    })
 }
 
 fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
@@ -240,69 +228,75 @@ fn fast(
     config: &Config,
     robot: ChosenRobot,
     behaviours: Vec<Behaviour>,
-    login: Login,
-    seed: u64,
+    sim_options: sim::Options,
+    trace: Option<TraceFile>,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let ChosenRobot::Sim(world) = robot else {
-        let why = "--fast needs --sim: a real robot runs in real time";
-        return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
-    };
-    let trace = trace_file(args, true)?;
-    let events = args.events.as_deref().map(EventFile::create).transpose()?;
+    let sim_clock = args.live.map(|_| SimClock::default());
     let options = simulation::Options {
-        seed,
-        sim: sim::Options {
-            login,
-            firmware: args.firmware.load()?,
-            // A page lets people start faults.
-            faults: args.live.map(|_| Vec::new()),
-            ..sim::Options::default()
-        },
-        limits: config.watchdog.clone(),
-        streams: config.streams,
-        events: events.as_ref().map(EventFile::recorder),
-        date: args
-            .date
-            .map(|date| date.at(&config.time_zone.clone().unwrap_or_else(Zone::utc))),
-        sim_clock: args.live.map(|_| SimClock::default()),
+        seed: sim_options.seed,
+        sim: sim_options,
+        sim_clock: sim_clock.clone(),
         ..simulation::Options::default()
     };
-    let names = names(&behaviours);
     let page = args.live.map(|_| definition(&behaviours));
     let page = page.map(|page| PageInputs::new(config, page, &options.bus));
-    let fast = Fast {
-        world: *world,
-        behaviours,
+    let setup = FastSetup {
+        config,
+        robot,
         options,
-        limit: args.limit.map(Span::get),
-        trace,
-        page,
-        journal: SimulationJournalOptions::from_config(config),
+        date: args.date,
+        events: args.events.as_deref(),
+        names: names(&behaviours),
+        is_service: false,
     };
-    let outcome = fast.run(names, console)?;
-    events.map_or(Ok(()), EventFile::finish)?;
-    exit(outcome)
+    let limit = args.limit.map(Span::get);
+    let streams = config.streams;
+    let shown = console.clone();
+    setup.run(console, async move |simulation, opened| {
+        let sim = simulation.sim();
+        let run = simulation.start(behaviours, limit);
+        let simulated = SimulatedRobot {
+            robot: sim.clone(),
+            sim_clock,
+        };
+        let page = page.map(|page| page.serve(run_handle(&run, streams, simulated), &shown));
+        let _page = page.transpose()?;
+        let _ = opened.send((run.status(), sim.clone()));
+        let outcome = run.outcome().await;
+        if let Some(Err(failure)) = trace.map(|trace| trace.write(sim)) {
+            tracing::error!("{}", failure.report());
+        }
+        exit_of(outcome, false)
+    })
 }
 
-async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
-    let stop = CancellationToken::new();
-    // A single run has no timetable.
-    let view = View::channel().1;
-    let started = parts.start(&stop, Some(stop.clone()), handle_signals, view, console)?;
-    let showing = show(started.line, started.status, console);
-    let outcome = tokio::select! {
-        outcome = started.agent.run(stop) => exit(outcome),
-        never = showing => match never {},
-        never = serve(started.server, started.run) => match never {},
-    };
-    started
-        .mqtt
-        .map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
-    outcome
+/// The handle through which the page accesses the run.
+fn run_handle(run: &Running, streams: Streams, sim: SimulatedRobot) -> control::Run {
+    control::Run {
+        requests: run.requests(),
+        roster: run.roster(),
+        status: run.status(),
+        pictures: run.pictures(),
+        reactions: run.reactions(),
+        end: None,
+        emergency_stop: control::EmergencyStop::default(),
+        streams,
+        target: "a simulation".to_owned(),
+        simulated: true,
+        sim: Some(sim),
+        began: tokio::time::Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
+    }
 }
 
-fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, Failure> {
+fn load(
+    args: &RunArgs,
+    settings: &CommandSettings,
+    config: &Config,
+    seed: u64,
+) -> Result<LoadedBehaviours, Failure> {
     let named = |file: &PathBuf| Entry::new(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
         config.behaviours.clone()
@@ -316,66 +310,15 @@ fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, 
     }
     BehaviourLoader {
         config,
-        file: args.settings.file(),
+        file: settings.file(),
         params: &args.params,
         annotate: args.annotate.as_deref(),
         restart: args.restart,
         checked: !args.no_check,
         watch: args.watch,
         seed,
-        clock: clock(args, config),
-        zone: zone(args, config),
+        clock: clock(args.date, args.fast, config),
+        zone: zone(args.fast, config),
     }
     .load(&entries)
-}
-
-/// The time zone. A fast run does not use the computer's zone, to be the same on every computer.
-fn zone(args: &RunArgs, config: &Config) -> Zone {
-    let fast = || config.time_zone.clone().unwrap_or_else(Zone::utc);
-    if args.fast { fast() } else { config.zone() }
-}
-
-/// The clock for scripts and for the journal.
-fn clock(args: &RunArgs, config: &Config) -> Clock {
-    match args.date {
-        Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),
-        _ => Clock::default(),
-    }
-}
-
-/// The exit code for the outcome of a run.
-fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
-    let outcome = match outcome {
-        Ok(outcome) => outcome,
-        Err(AgentError::Link(error)) => return Err(unreachable(error)),
-        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Failed, error)),
-    };
-    let ended_by = |is: fn(EndReason) -> bool| {
-        let mut exits = outcome.exits.iter();
-        exits.any(|(_, exit)| is(exit.reason))
-    };
-    Ok(if outcome.owes_stop {
-        Exit::Unreachable
-    } else if outcome.interrupted && outcome.safety {
-        Exit::Safety
-    } else if outcome.interrupted {
-        Exit::Interrupted
-    } else if ended_by(is_failure) {
-        Exit::Failed
-    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
-        Exit::Safety
-    } else {
-        Exit::Done
-    })
-}
-
-/// The failure of the first connection.
-fn unreachable(error: LinkError) -> Failure {
-    if error.is_final() {
-        return error.into();
-    }
-    let help = error.help();
-    Failure::from(error).help(format!(
-        "{help}; `spykee run --wait` retries until it answers"
-    ))
 }

@@ -1,13 +1,14 @@
-//! Finds the active run of this data folder that uses the chosen robot, and sends requests to it.
+//! Finds the active run of this data folder, or the service elsewhere, that uses the chosen robot,
+//! and sends requests to it.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::interrupt::interruption;
-use super::settings::SettingsArgs;
+use super::settings::CommandSettings;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
-use crate::config::{Effective, ServiceUrl};
+use crate::config::ServiceUrl;
 use crate::control::{self, AskError, Client, Remote, RunRequest, RunResponse, RunStatus};
 use crate::link::Target;
 use crate::robot::STOP_HOLDS;
@@ -31,7 +32,7 @@ pub(super) struct RemoteArgs {
 
 impl RemoteArgs {
     /// A client of the service that the command line or else the config names, if any.
-    pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
+    pub(super) fn client(&self, settings: &CommandSettings) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;
         let (url, token) = match (&self.url, &options.url) {
@@ -39,7 +40,13 @@ impl RemoteArgs {
                 let read = |path: &PathBuf| secret::from_chosen_file(path);
                 (url, self.token_file.as_ref().map(read).transpose()?)
             }
-            (None, Some(url)) => (url, token(effective)?),
+            (None, Some(url)) => {
+                let file = options.token_file.as_deref();
+                (
+                    url,
+                    secret::from_optional_file(file, effective.found_file())?,
+                )
+            }
             (None, None) => return Ok(None),
         };
         let remote = Remote::new(url.clone(), token.as_deref()).map_err(Failure::usage)?;
@@ -47,19 +54,14 @@ impl RemoteArgs {
         asked.map(Some).map_err(|error| unreachable(url, &error))
     }
 
-    /// Whether the command line names a service.
-    pub(super) fn is_named(&self) -> bool {
-        self.url.is_some()
+    fn refuse_with(&self, other: &str) -> Result<(), Failure> {
+        if self.url.is_none() {
+            return Ok(());
+        }
+        Err(Failure::usage(format_args!(
+            "--url and {other} cannot be combined: a service has its own robot"
+        )))
     }
-}
-
-/// The token of the config. A config that was found, not named, may only name a file in its own
-/// folder.
-fn token(effective: &Effective) -> Result<Option<String>, Failure> {
-    let Some(path) = &effective.config.remote.token_file else {
-        return Ok(None);
-    };
-    secret::from_configured_file(path, effective.found_file()).map(Some)
 }
 
 fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
@@ -72,58 +74,74 @@ fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
     Failure::new(Exit::Unreachable, format_args!("{url}: {error}")).help(help)
 }
 
-/// The run or service that the flags select: see [`find_run_of_target`]. `None` with `--sim`, which
-/// starts its own robot.
-pub(super) fn find_run(
-    settings: &SettingsArgs,
+/// The robot, and how to reach it: directly, or through a run or service that uses it.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct SharedTargetArgs {
+    #[command(flatten)]
+    pub(super) connection: ConnectionArgs,
+
+    #[command(flatten)]
+    remote: RemoteArgs,
+}
+
+impl SharedTargetArgs {
+    /// The active run or the service that uses the chosen robot: see [`find_run_of_target`]. `None`
+    /// with `--sim`, which starts its own robot.
+    pub(super) fn find_run(&self, settings: &CommandSettings) -> Result<Option<Client>, Failure> {
+        find_run(&self.connection, settings, &self.remote)
+    }
+
+    /// The service on another computer that the command line or the config names. `None` with
+    /// `--sim` or a robot.
+    ///
+    /// # Errors Flags that cannot be combined; a config that cannot be used; a service that cannot
+    /// be reached.
+    pub(super) fn find_service(
+        &self,
+        settings: &CommandSettings,
+    ) -> Result<Option<Client>, Failure> {
+        match self.connection.sim {
+            Some(_) => self.remote.refuse_with("--sim").map(|()| None),
+            None => service_of(settings, self.connection.robot.as_ref(), &self.remote),
+        }
+    }
+}
+
+/// Refuses a robot that a run or service uses, for commands that need it to themselves.
+pub(super) fn refuse_if_in_use(
     connection: &ConnectionArgs,
+    settings: &CommandSettings,
+) -> Result<(), Failure> {
+    let Some(run) = find_run(connection, settings, &RemoteArgs::default())? else {
+        return Ok(());
+    };
+    let what = format!(
+        "a run uses the robot {} ({}), but this command needs it to itself",
+        run.status.target,
+        run.name()
+    );
+    let failure = Failure::new(Exit::Unreachable, what);
+    Err(failure.help("end the run first, with `spykee robot stop`"))
+}
+
+fn find_run(
+    connection: &ConnectionArgs,
+    settings: &CommandSettings,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
-    refuse_remote_simulation(connection, remote)?;
     match connection.sim {
-        Some(_) => Ok(None),
+        Some(_) => remote.refuse_with("--sim").map(|()| None),
         None => find_run_of_target(settings, connection.robot.as_ref(), remote),
     }
 }
 
-/// The service that the command line or the config names. `None` with `--sim` or a robot.
-///
-/// # Errors
-/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached.
-pub(super) fn find_service(
-    settings: &SettingsArgs,
-    connection: &ConnectionArgs,
-    remote: &RemoteArgs,
-) -> Result<Option<Client>, Failure> {
-    refuse_remote_simulation(connection, remote)?;
-    match connection.sim {
-        Some(_) => Ok(None),
-        None => service_of(settings, connection.robot.as_ref(), remote),
-    }
-}
-
-fn refuse_remote_simulation(
-    connection: &ConnectionArgs,
-    remote: &RemoteArgs,
-) -> Result<(), Failure> {
-    if connection.sim.is_some() && remote.is_named() {
-        return Err(Failure::usage(
-            "--url and --sim cannot be combined: a service has its own robot",
-        ));
-    }
-    Ok(())
-}
-
 fn service_of(
-    settings: &SettingsArgs,
+    settings: &CommandSettings,
     robot: Option<&Target>,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
     match robot {
-        Some(_) if remote.is_named() => Err(Failure::usage(
-            "--url and --robot cannot be combined: a service has its own robot",
-        )),
-        Some(_) => Ok(None),
+        Some(_) => remote.refuse_with("--robot").map(|()| None),
         None => remote.client(settings),
     }
 }
@@ -131,7 +149,7 @@ fn service_of(
 /// The run that uses this robot; without one, the service that the command line or the config
 /// names, the run that uses the config's robot, or else the only run.
 pub(super) fn find_run_of_target(
-    settings: &SettingsArgs,
+    settings: &CommandSettings,
     robot: Option<&Target>,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
@@ -162,32 +180,32 @@ pub(super) fn uses_robot(run: &RunStatus, target: &Target) -> bool {
     run.target == target || (connected.is_some() && connected == address(&target))
 }
 
-/// Sends a request to a run and waits for its reply, at most `limit`. `None` if interrupted; then
-/// the run cancels the request.
+/// Sends a request to a run and waits for its reply, at most `limit`. If interrupted, the run
+/// cancels the request.
 pub(super) fn ask(
     run: &Client,
     request: &RunRequest,
     limit: Duration,
-) -> Result<Option<RunResponse>, Failure> {
+) -> Result<RunResponse, Failure> {
     let name = run.name();
     let answer = block_on(async {
         let interrupted = interruption()?;
         tokio::select! {
             biased;
-            () = interrupted => Ok(None),
-            answer = run.ask(request, limit) => answer.map(Some).map_err(|error| {
+            () = interrupted => Err(Failure::interrupted()),
+            answer = run.ask(request, limit) => answer.map_err(|error| {
                 Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
                     .help("`spykee status` lists the active runs")
             }),
         }
     })??;
     match answer {
-        Some(RunResponse::Offline) => {
+        RunResponse::Offline => {
             let what = format!("the run ({name}) has lost the robot and is reconnecting");
             let failure = Failure::new(Exit::Unreachable, what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
-        Some(RunResponse::Refused { error: why }) => {
+        RunResponse::Refused { error: why } => {
             let what = format!("the run ({name}) refused the request: {why}");
             if why == STOP_HOLDS {
                 return Err(Failure::new(Exit::Safety, what));
@@ -199,20 +217,17 @@ pub(super) fn ask(
     }
 }
 
+/// Like [`ask`], for a request to which the run replies only that it has carried it out.
+pub(super) fn order(run: &Client, request: &RunRequest, limit: Duration) -> Result<Exit, Failure> {
+    match ask(run, request, limit)? {
+        RunResponse::Done => Ok(Exit::Done),
+        _ => Err(unexpected_reply()),
+    }
+}
+
 /// The failure for a reply that does not match the request, which only a run of another version
 /// sends.
 pub(super) fn unexpected_reply() -> Failure {
     Failure::new(Exit::Unreachable, "the run sent an unexpected reply")
         .help("was it started by another version of this program?")
-}
-
-/// The failure for a command that needs the robot to itself while a run uses it.
-pub(super) fn robot_in_use(run: &Client) -> Failure {
-    let status = &run.status;
-    let what = format!(
-        "a run uses the robot {} ({}), but this command needs it to itself",
-        status.target,
-        run.name()
-    );
-    Failure::new(Exit::Unreachable, what).help("end the run first, with `spykee robot stop`")
 }

@@ -3,25 +3,16 @@
 use std::time::Duration;
 
 use super::running::RemoteArgs;
-use super::settings::SettingsArgs;
-use super::table::{Side, aligned};
-use super::{Exit, Failure, block_on, print};
+use super::settings::CommandSettings;
+use super::status::charge;
+use super::table::aligned;
+use super::{Exit, Failure, block_on, print, print_json};
 use crate::clock::{self, Clock, Zone};
 use crate::control::{self, RunStatus};
 use crate::guardian;
 use crate::robot::Battery;
 
-const HEAD: [(&str, Side); 9] = [
-    ("ROBOT", Side::Left),
-    ("STATE", Side::Left),
-    ("BATTERY", Side::Left),
-    ("PLACE", Side::Left),
-    ("DELAY", Side::Right),
-    ("RUNNING", Side::Right),
-    ("PROCESS", Side::Right),
-    ("NEXT START", Side::Left),
-    ("BEHAVIOURS", Side::Left),
-];
+const HEAD: &str = "ROBOT|STATE|BATTERY|PLACE|>DELAY|>RUNNING|>PROCESS|NEXT START|BEHAVIOURS";
 
 /// List the active runs: robot, battery, dock state, behaviours, the timetable's next start
 ///
@@ -39,18 +30,16 @@ pub(super) struct StatusArgs {
     json: bool,
     #[command(flatten)]
     remote: RemoteArgs,
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 }
 
 /// Lists the runs.
 ///
 /// # Errors
 /// A config that cannot be used.
-pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
-    let config = args.settings.config()?;
+pub(super) fn run(args: &StatusArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let config = settings.config()?;
     let data = config.data_folder();
-    let (runs, silent) = match args.remote.client(&args.settings)? {
+    let (runs, silent) = match args.remote.client(settings)? {
         Some(service) => (vec![service], 0),
         None => block_on(control::runs(data))?,
     };
@@ -64,14 +53,12 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     }
     let runs: Vec<RunStatus> = runs.into_iter().map(|run| run.status).collect();
     if args.json {
-        let text = serde_json::to_string(&runs).map_err(Failure::internal)?;
-        print(&format!("{text}\n"))?;
+        print_json(&runs)?;
     } else if runs.is_empty() {
         print(&format!("no run is active in {}\n", data.display()))?;
     } else {
         let zone = config.zone();
-        let rows: Vec<Vec<String>> = runs.iter().map(|run| row(run, &zone)).collect();
-        print(&aligned(&HEAD, &rows))?;
+        print(&aligned(HEAD, runs.iter().map(|run| row(run, &zone))))?;
     }
     Ok(Exit::Done)
 }
@@ -103,11 +90,10 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
 
 /// Describes the battery, for people.
 pub(super) fn describe(battery: Battery) -> String {
-    let charging = if battery.charging { ", charging" } else { "" };
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         format!(", {minutes:.0} minutes left")
     });
-    format!("{}{charging}{left}", battery.level())
+    format!("{}{left}", charge(battery))
 }
 
 #[cfg(test)]

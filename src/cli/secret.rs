@@ -101,23 +101,17 @@ pub(super) fn from_environment() -> Result<Option<String>, Failure> {
 pub(super) fn from_credential() -> Result<Option<String>, Failure> {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
     let path = folder.map(|folder| Path::new(&folder).join("password"));
-    match path.filter(|path| path.exists()) {
-        Some(path) => {
-            let text =
-                files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
-            first_line(&path, text).map(Some)
-        }
-        None => Ok(None),
-    }
+    let Some(path) = path.filter(|path| path.exists()) else {
+        return Ok(None);
+    };
+    let text = files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
+    first_line(&path, text).map(Some)
 }
 
 /// The first line of a file that the command line or the environment names. It may also be a pipe,
 /// since the person who starts this program has chosen it.
 pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
-    if files::is_shared(path) {
-        let path = path.display();
-        tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
-    }
+    warn_if_shared(path);
     let mut text = Vec::new();
     let read =
         std::fs::File::open(path).and_then(|file| file.take(MAX_FILE_LEN).read_to_end(&mut text));
@@ -134,12 +128,18 @@ pub(super) fn from_configured_file(
     if let Some(config) = found_config {
         return from_found_file(path, config);
     }
-    if files::is_shared(path) {
-        let path = path.display();
-        tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
-    }
+    warn_if_shared(path);
     let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
     first_line(path, text)
+}
+
+/// Like [`from_configured_file`], if the config names one.
+pub(super) fn from_optional_file(
+    path: Option<&Path>,
+    found_config: Option<&Path>,
+) -> Result<Option<String>, Failure> {
+    path.map(|path| from_configured_file(path, found_config))
+        .transpose()
 }
 
 /// The first line of a file named by a config that was found in the current folder, not named: such
@@ -157,10 +157,6 @@ fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     };
     let folder = whole(folder)?;
     let file = whole(path)?;
-    let help = format!(
-        "name the config, --config {}, if you trust it",
-        config.display()
-    );
     if !file.starts_with(&folder) {
         let what = format_args!(
             "the config {} was found in the current folder, not named, but its password file {} is \
@@ -168,11 +164,27 @@ fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
             config.display(),
             path.display()
         );
-        return Err(Failure::usage(what).help(help));
+        return Err(refuse_found(config, what));
     }
     let text = files::read_private(&file, MAX_FILE_LEN)
-        .map_err(|error| unreadable(path, &error).help(help))?;
+        .map_err(|error| refuse_found(config, unreadable(path, &error).what))?;
     first_line(path, text)
+}
+
+fn warn_if_shared(path: &Path) {
+    if files::is_shared(path) {
+        let path = path.display();
+        tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
+    }
+}
+
+/// Refuses what a config asks for that was found in the current folder: it may have come from
+/// anywhere.
+pub(super) fn refuse_found(config: &Path, what: impl std::fmt::Display) -> Failure {
+    let config = config.display();
+    Failure::usage(what).help(format!(
+        "name the config, --config {config}, if you trust it"
+    ))
 }
 
 fn unreadable(path: &Path, error: &dyn std::fmt::Display) -> Failure {

@@ -1,31 +1,29 @@
 //! `spykee serve`: runs a robot permanently, by timetable and on request.
 
-mod fast;
 mod service_plan;
 
-use std::path::PathBuf;
+use std::ffi::CString;
+use std::io;
+use std::os::unix::fs::{DirBuilderExt as _, chown};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use jiff::Timestamp;
+use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
 use tokio::sync::{Notify, mpsc, watch};
-use tokio_util::sync::CancellationToken;
 
 use self::service_plan::{LoadedPlan, PlanLoader};
-use super::assembly::{Assembly, RunParts, RunSetup};
-use super::interrupt::{handle_service_signals, listen};
-use super::privileges::drop_root;
-use super::robot_target::ChosenRobot;
-use super::settings::SettingsArgs;
-use super::startup::{self, show};
-use super::{ConnectionArgs, Console, Exit, Failure, broker};
-use crate::agent::{AgentError, Outcome};
-use crate::clock::{Clock, Date, Span, Zone};
-use crate::config::Config;
+use super::assembly::{RunSetup, ServiceSetup, clock, exit_of, refuse_date_unless};
+use super::connection::{ChosenRobot, RobotTarget, no_robot};
+use super::fast::FastSetup;
+use super::interrupt::listen;
+use super::settings::CommandSettings;
+use super::{ConnectionArgs, Console, Exit, Failure};
+use crate::clock::{Date, Span};
+use crate::config::{Config, Effective};
 use crate::journal::When;
-use crate::live::RunDefinition;
 use crate::service::{ManagerNotifier, RecordFile, Service, View};
-use crate::sim::Firmware;
-use crate::vision::Camera;
+use crate::sim;
+use crate::simulation;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
 ///
@@ -41,9 +39,6 @@ use crate::vision::Camera;
                   `spykee config schedule` lists the coming starts, `spykee service` creates a systemd unit."
 )]
 pub(super) struct ServeArgs {
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
-
     /// With --sim: date and time at the start, in the config's time zone [default: now; with
     /// --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
@@ -75,58 +70,39 @@ pub(super) struct ServeArgs {
     connection: ConnectionArgs,
 }
 
-pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
-    let mut config = args.settings.config()?.clone();
-    let robot = ChosenRobot::required(ChosenRobot::load(&args.connection, &mut config)?)?;
-    let login = args.connection.login.login(args.settings.load()?)?;
+pub(super) fn run(
+    args: &ServeArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let mut config = settings.config()?.clone();
+    let robot = args.connection.choose(&mut config)?.ok_or_else(no_robot)?;
+    let login = args.connection.login.login(settings.load()?)?;
     let simulated = robot.is_simulated();
-    let clock = clock(args, &config, simulated)?;
+    refuse_date_unless(simulated, args.date)?;
     become_user(&config, simulated)?;
-    args.settings.announce();
+    settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let camera = if simulated { Some(config.camera) } else { None };
-    let loader = plan_loader(args, console, seed, clock, camera);
+    let loader = PlanLoader {
+        settings: settings.clone(),
+        checked: !args.no_check,
+        seed,
+        console: console.clone(),
+        clock: clock(args.date, args.fast, &config),
+        camera: if simulated { Some(config.camera) } else { None },
+        fast: args.fast,
+    };
     let loaded = loader.load(&config)?;
-    if args.fast {
-        return fast::serve(args, robot, login, &config, loaded, seed, console);
-    }
-    let record = RecordFile::open(config.data_folder());
-    let beats = Arc::new(Notify::new());
-    let (definition, shown) = watch::channel(loaded.definition.clone());
-    let mut settings = args.settings.load()?.clone();
-    settings.config = config.clone();
-    let assembly = Assembly::new(RunSetup {
-        settings: &settings,
-        robot,
+    let sim_options = sim::Options {
         login,
         seed,
-        firmware: Firmware::default(),
-        waits: true,
-        waits_for_reset: true,
-        keeps_journal: config.journal.record != When::Off,
-        clock,
-        names: "serves".to_owned(),
-        behaviours: Vec::new(),
-        specs: loaded.service_plan.specs.clone(),
-        stays: true,
-        limit: args.limit.map(Span::get),
-        page: config.live.listen.map(|_| shown),
-        beats: Some(beats.clone()),
-    })?;
-    let outcome = assembly.run(async |parts| {
-        let parts = ServiceParts {
-            parts,
-            clock,
-            record,
-            beats,
-            loader,
-            config,
-            loaded,
-            definition,
-        };
-        serve(parts, console).await
-    });
-    exit(outcome?)
+        ..sim::Options::default()
+    };
+    if args.fast {
+        return fast(args, &config, robot, loaded, sim_options, console);
+    }
+    let robot = robot.start(config, sim_options)?;
+    in_real_time(args, settings.load()?, robot, loader, loaded, console)
 }
 
 /// A service of a simulated robot keeps its user, unless the config names one.
@@ -138,116 +114,153 @@ fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
     drop_root(user, config.data_folder())
 }
 
-fn plan_loader(
+fn in_real_time(
     args: &ServeArgs,
-    console: &Console,
-    seed: u64,
-    clock: Clock,
-    camera: Option<Camera>,
-) -> PlanLoader {
-    PlanLoader {
-        settings: args.settings.clone(),
-        checked: !args.no_check,
-        seed,
-        console: console.clone(),
-        clock,
-        camera,
-        zone: if args.fast {
-            Zone::utc()
-        } else {
-            Zone::system()
-        },
-    }
-}
-
-struct ServiceParts {
-    parts: RunParts,
-    clock: Clock,
-    record: RecordFile,
-    /// Heartbeats of the driving core.
-    beats: Arc<Notify>,
+    settings: &Effective,
+    robot: RobotTarget,
     loader: PlanLoader,
-    config: Config,
     loaded: LoadedPlan,
-    /// What the page knows of the behaviours.
-    definition: watch::Sender<RunDefinition>,
-}
-
-async fn serve(
-    service: ServiceParts,
     console: &Console,
-) -> Result<Result<Outcome, AgentError>, Failure> {
-    let stop = CancellationToken::new();
-    let hangup = listen(libc::SIGHUP)?;
+) -> Result<Exit, Failure> {
+    let config = robot.config.clone();
+    let clock = loader.clock;
+    let record = RecordFile::open(config.data_folder());
+    let beats = Arc::new(Notify::new());
     let (view, seen) = View::channel();
-    let started = (service.parts).start(&stop, None, handle_service_signals, seen, console)?;
-    let (reload, reloads) = mpsc::channel(1);
-    let notifier = ManagerNotifier::of_environment();
-    let running = Service {
-        agent: started.agent,
-        status: started.status.clone(),
-        clock: service.clock,
-        service_plan: service.loaded.service_plan.clone(),
-        record: service.record,
-        notifier: notifier.clone(),
-        bus: started.bus,
-        view,
-        reloads,
+    let (definition, shown) = watch::channel(loaded.definition.clone());
+    let setup = RunSetup {
+        settings,
+        robot,
+        seed: loader.seed,
+        waits: true,
+        keeps_journal: config.journal.record != When::Off,
+        clock,
+        names: "serves".to_owned(),
+        behaviours: Vec::new(),
+        specs: loaded.service_plan.specs.clone(),
+        limit: args.limit.map(Span::get),
+        page: config.live.listen.map(|_| shown),
+        trace: None,
+        service: Some(ServiceSetup {
+            beats: beats.clone(),
+            view: seen,
+        }),
     };
-    let line = started.line;
-    let status = started.status;
-    let showing = async {
-        match console.has_status_line() {
-            true => show(line, status, console).await,
-            // Status lines would flood a log file that covers weeks.
-            false => std::future::pending().await,
+    setup.run(console, async |started| {
+        let hangup = listen(libc::SIGHUP)?;
+        let (reload, reloads) = mpsc::channel(1);
+        let notifier = ManagerNotifier::of_environment();
+        let service = Service {
+            agent: started.agent,
+            status: started.status,
+            clock,
+            service_plan: loaded.service_plan.clone(),
+            record,
+            notifier: notifier.clone(),
+            bus: started.bus,
+            view,
+            reloads,
+        };
+        let reloading = loader.reload_on_hangup(hangup, reload, definition, config, loaded);
+        tokio::select! {
+            outcome = service.run(started.stop) => exit_of(outcome, true),
+            never = notifier.pass_on(beats) => match never {},
+            never = reloading => match never {},
         }
+    })
+}
+
+/// Serves days and weeks in a simulation, until the time limit or the first signal.
+fn fast(
+    args: &ServeArgs,
+    config: &Config,
+    robot: ChosenRobot,
+    loaded: LoadedPlan,
+    sim_options: sim::Options,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let seed = sim_options.seed;
+    let options = simulation::Options {
+        seed,
+        sim: sim_options,
+        ..simulation::Options::default()
     };
-    let definition = service.definition;
-    let reloading = (service.loader).reload_on_hangup(
-        hangup,
-        reload,
-        definition,
-        service.config,
-        service.loaded,
-    );
-    let outcome = tokio::select! {
-        outcome = running.run(stop) => outcome,
-        never = showing => match never {},
-        never = startup::serve(started.server, started.run) => match never {},
-        never = notifier.pass_on(service.beats) => match never {},
-        never = reloading => match never {},
+    let stop = options.stop.clone();
+    let limit = args.limit.map(Span::get);
+    let setup = FastSetup {
+        config,
+        robot,
+        options,
+        date: args.date,
+        events: args.events.as_deref(),
+        names: "serves".to_owned(),
+        is_service: true,
     };
-    started
-        .mqtt
-        .map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
-    Ok(outcome)
+    setup.run(console, async move |simulation, opened| {
+        let mut plan = simulation.plan(Vec::new());
+        plan.limit = limit;
+        let no_record = RecordFile::default();
+        let service = Service::in_simulation(plan, loaded.service_plan, no_record, seed);
+        let _ = opened.send((service.status.clone(), simulation.sim().clone()));
+        exit_of(service.run(stop).await, true)
+    })
 }
 
-fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
-    match outcome {
-        Ok(outcome) if outcome.owes_stop => Ok(Exit::Unreachable),
-        Ok(outcome) if outcome.safety => Ok(Exit::Safety),
-        Ok(_) => Ok(Exit::Done),
-        Err(AgentError::Link(error)) => Err(error.into()),
-        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Failed, error)),
+/// If started as root, permanently switches to this user; `root` itself keeps the privileges. Does
+/// nothing if not started as root. Creates the data folder for the user if it is missing.
+fn drop_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
+    if !Uid::effective().is_root() {
+        return Ok(());
     }
-}
-
-/// The computer's clock, unless `--date` sets the clock of a simulation.
-fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Failure> {
-    match args.date {
-        None => Ok(Clock::default()),
-        Some(_) if args.fast && simulated => Ok(Clock::default()),
-        Some(date) if simulated => Ok(Clock::set_to(date.at(&config.zone()))),
-        Some(_) => Err(Failure::usage(
-            "--date needs --sim: a real robot uses today's date",
-        )),
+    let Some(name) = user else {
+        let failure =
+            Failure::usage("a service must not run as root, and the config names no user");
+        return Err(failure.help(
+            "name one in the config, `service: { user: NAME }`; `user: root` stays root; \
+             `spykee service install` creates a unit with its own user",
+        ));
+    };
+    if name == "root" {
+        tracing::warn!("the service continues as root, as the config requests");
+        return Ok(());
     }
+    let found = User::from_name(name).ok().flatten();
+    let user = found.ok_or_else(|| {
+        let failure = Failure::usage(format_args!("this computer has no user `{name}`"));
+        failure.help("name an existing user in the config, `service: { user: ... }`")
+    })?;
+    create_folder(data, &user).map_err(|error| {
+        let data = data.display();
+        Failure::io(format_args!("create {data} for `{name}`"), error)
+    })?;
+    switch_to(&user).map_err(|why| Failure::io(format_args!("continue as `{name}`"), why))?;
+    tracing::info!("started as root, now running as {name}");
+    Ok(())
 }
 
-/// The time from which to list the schedule: the given date, or now.
-#[must_use]
-pub(super) fn or_now(date: Option<Date>, config: &Config) -> Timestamp {
-    date.map_or_else(|| Clock::default().now(), |date| date.at(&config.zone()))
+/// Creates the folder for this user. Does not change an existing one.
+fn create_folder(data: &Path, user: &User) -> io::Result<()> {
+    if data.exists() {
+        return Ok(());
+    }
+    std::fs::DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(data)?;
+    chown(data, Some(user.uid.as_raw()), Some(user.gid.as_raw()))
+}
+
+fn switch_to(user: &User) -> io::Result<()> {
+    let name = CString::new(user.name.as_str())?;
+    initgroups(&name, user.gid)?;
+    setgid(user.gid)?;
+    setuid(user.uid)?;
+    if Uid::effective() != user.uid
+        || Gid::effective() != user.gid
+        || setuid(Uid::from_raw(0)).is_ok()
+    {
+        let kept = "the process still has root's privileges";
+        return Err(io::Error::other(kept));
+    }
+    Ok(())
 }

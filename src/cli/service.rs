@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 
-use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::service::{Unit, unit};
 
@@ -115,12 +114,12 @@ impl UnitArgs {
 }
 
 /// Parses a user name for systemd: it must be a single word on one line.
-fn user(name: &str) -> Result<String, ArgumentError> {
+fn user(name: &str) -> Result<String, &'static str> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
         Ok(name.to_owned())
     } else {
-        Err(ArgumentError::User)
+        Err("expected a user name: at most 31 letters, digits, -, _ and dots")
     }
 }
 

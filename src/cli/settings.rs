@@ -4,57 +4,20 @@ use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::{ArgMatches, FromArgMatches};
-
 use super::Failure;
 use crate::config::{Config, ConfigError, Effective};
 
-/// The flag, which may be before or after any subcommand.
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ConfigFlag {
-    /// YAML file with the settings [default: $SPYKEE_CONFIG, or else spykee.yaml in the current
-    /// folder]
-    #[arg(id = CONFIG, long, value_name = "FILE", global = true)]
-    pub(super) file: Option<PathBuf>,
-}
-
-/// The flag's id in clap.
-const CONFIG: &str = "config";
-
-/// The settings of a command, from the file that [`ConfigFlag`] names.
+/// The settings of a command, from the file that `--config` names.
 #[derive(Debug, Clone)]
-pub(super) struct SettingsArgs {
+pub(super) struct CommandSettings {
     config: Option<PathBuf>,
     read: OnceCell<Arc<Result<Effective, ConfigError>>>,
 }
 
-impl FromArgMatches for SettingsArgs {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<SettingsArgs, clap::Error> {
-        let named = matches.try_get_one::<PathBuf>(CONFIG);
-        Ok(SettingsArgs::new(named.ok().flatten().cloned()))
-    }
-
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = SettingsArgs::from_arg_matches(matches)?;
-        Ok(())
-    }
-}
-
-/// Adds no flag: every subcommand knows the program's global one.
-impl clap::Args for SettingsArgs {
-    fn augment_args(command: clap::Command) -> clap::Command {
-        command
-    }
-
-    fn augment_args_for_update(command: clap::Command) -> clap::Command {
-        command
-    }
-}
-
-impl SettingsArgs {
+impl CommandSettings {
     /// The settings of this file; `None`: of the default one.
-    pub(super) fn new(config: Option<PathBuf>) -> SettingsArgs {
-        SettingsArgs {
+    pub(super) fn new(config: Option<PathBuf>) -> CommandSettings {
+        CommandSettings {
             config,
             read: OnceCell::new(),
         }
@@ -73,7 +36,7 @@ impl SettingsArgs {
 
     /// The same settings or, if they cannot be used, those of the file alone, or else the defaults,
     /// with a warning: for a stop, which a mistake in the settings must not prevent.
-    pub(super) fn or_defaults(&self) -> SettingsArgs {
+    pub(super) fn or_defaults(&self) -> CommandSettings {
         let Err(failure) = self.load() else {
             return self.clone();
         };
@@ -83,7 +46,7 @@ impl SettingsArgs {
             None => "the default settings",
         };
         tracing::warn!("{failure}; {used} are used");
-        SettingsArgs {
+        CommandSettings {
             config: None,
             read: OnceCell::from(Arc::new(Ok(settings))),
         }
@@ -101,8 +64,8 @@ impl SettingsArgs {
     }
 
     /// The same settings, to be read again.
-    pub(super) fn reloaded(&self) -> SettingsArgs {
-        SettingsArgs::new(self.config.clone())
+    pub(super) fn reloaded(&self) -> CommandSettings {
+        CommandSettings::new(self.config.clone())
     }
 
     /// Warns about variables that look like settings but that nothing reads.

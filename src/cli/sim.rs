@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use tokio::time::interval;
 
-use super::embedded::load;
 use super::interrupt::interruption;
-use super::world::{self, WorldAction, WorldParser};
+use super::world::{self, WorldAction, load};
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
+use crate::config::Effective;
 use crate::sim::{Fault, Firmware, Handle, Options, Server, State, World};
 
 /// Interval between redraws of the status line.
@@ -31,7 +31,7 @@ pub(super) struct SimArgs {
 #[derive(Debug, Clone, clap::Args)]
 struct ServerArgs {
     /// World file, or the name of a built-in world [default: living_room]
-    #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
+    #[arg(value_name = "WORLD")]
     world: Option<PathBuf>,
 
     /// Address and port to listen on, TCP and UDP; port 0 picks a free one
@@ -64,7 +64,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     let faults = args.faults.as_deref().map(load_faults).transpose()?;
     let options = Options {
         listen: args.listen,
-        login: args.login.login_without_config()?,
+        login: args.login.login(&Effective::default())?,
         seed: args.seed,
         faults,
         firmware: args.firmware.load()?,
@@ -139,8 +139,8 @@ fn status(state: &State) -> String {
 /// The firmware of a simulated robot.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
-    /// lists the keys
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the
+    /// README lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }

@@ -1,5 +1,5 @@
 //! Starts the parts that every command with an agent needs: heartbeat and guardian, driving core,
-//! rescue behaviour, journal, the control server for other commands, and the status line.
+//! rescue behaviour, journal, and the control server for other commands.
 
 use std::convert::Infallible;
 use std::io;
@@ -7,21 +7,17 @@ use std::path::Path;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
-use tokio::sync::watch;
 
-use super::status::StatusLine;
-use super::{Console, Exit, Failure};
+use super::{Exit, Failure};
 use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
-use crate::clock::{Clock, every};
+use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{self, ControlServer, EmergencyStop};
 use crate::guardian::{self, Guardian, GuardianFiles};
 use crate::journal::{self, Journal};
-use crate::pilot::{DrivingCore, Heartbeat, Status};
+use crate::pilot::{DrivingCore, Heartbeat};
 
-/// Interval between redraws of the status line.
-pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// Time limit for the journal to write its queue at the end.
 pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 
@@ -141,22 +137,4 @@ pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failu
 /// Starts the thread on which the pilot runs.
 pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
     DrivingCore::start().map_err(|error| Failure::io("start the driving thread", error))
-}
-
-/// Shows the status, on a terminal or in a file.
-pub(super) async fn show(
-    mut line: StatusLine,
-    status: watch::Receiver<Status>,
-    console: &Console,
-) -> Infallible {
-    let mut ticks = every(STATUS_PERIOD);
-    loop {
-        ticks.tick().await;
-        let newest = *status.borrow();
-        if console.has_status_line() {
-            console.status(line.draw(&newest));
-        } else if let Some(text) = line.plain_line(&newest) {
-            console.status_line_plain(&text);
-        }
-    }
 }

@@ -1,16 +1,22 @@
 //! The status of a run: one line that is redrawn on a terminal, or a line for each change if the
 //! output is a file or a pipe.
 
+use std::convert::Infallible;
 use std::time::Duration;
 
+use tokio::sync::watch;
 use tokio::time::Instant;
 
+use super::Console;
 use crate::agent::ConnectAttempts;
+use crate::clock::every;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;
 use crate::sim::{Handle, State};
 
+/// Interval between redraws of the status line.
+const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// Period for measuring the frame rate.
 const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, interval at which the status is written even if nothing has changed.
@@ -54,9 +60,9 @@ impl StatusLine {
         }
     }
 
-    pub(super) fn draw(&mut self, status: &Status) -> String {
+    fn draw(&mut self, status: &Status) -> String {
         self.count(status.frames);
-        let battery = status.battery.map_or_else(|| "-".to_owned(), battery);
+        let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
         let mut parts = vec![self.state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
             let state = sim.state();
@@ -72,7 +78,7 @@ impl StatusLine {
     }
 
     /// The line for a file, if the status has changed or the last line is old.
-    pub(super) fn plain_line(&mut self, status: &Status) -> Option<String> {
+    fn plain_line(&mut self, status: &Status) -> Option<String> {
         let charging = status.battery.map(|battery| battery.charging);
         let key = StatusKey {
             link: status.link,
@@ -123,7 +129,29 @@ fn lights(state: &State) -> Option<String> {
     (!on.is_empty()).then(|| format!("lights: {}", on.join(" ")))
 }
 
-fn battery(battery: Battery) -> String {
+/// The battery's level, and whether it charges.
+pub(super) fn charge(battery: Battery) -> String {
     let charging = if battery.charging { ", charging" } else { "" };
     format!("{}{charging}", battery.level())
+}
+
+/// Shows the status behind this prefix: on a terminal, or in a file, which the status of a service
+/// would flood in weeks.
+pub(super) async fn show(
+    mut line: StatusLine,
+    status: watch::Receiver<Status>,
+    console: &Console,
+    is_service: bool,
+    prefix: impl Fn() -> String,
+) -> Infallible {
+    let mut ticks = every(STATUS_PERIOD);
+    loop {
+        ticks.tick().await;
+        let newest = *status.borrow();
+        if console.has_status_line() {
+            console.status(format!("{}{}", prefix(), line.draw(&newest)));
+        } else if !is_service && let Some(text) = line.plain_line(&newest) {
+            console.status_line_plain(&format!("{}{text}", prefix()));
+        }
+    }
 }

@@ -2,43 +2,37 @@
 
 use crate::sanitize;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Side {
-    Left,
-    Right,
-}
-
-/// Formats rows below a header; columns are as wide as their widest cell, two spaces apart. A row
-/// may have fewer cells.
-pub(super) fn aligned(head: &[(&str, Side)], rows: &[Vec<String>]) -> String {
-    let titles = head.iter().map(|(title, _)| (*title).to_owned()).collect();
-    let rows: Vec<Vec<String>> = std::iter::once(&titles)
+/// Formats rows below a head such as `FILE|>PIXELS`, in which `>` marks a column of numbers,
+/// aligned to the right. Columns are as wide as their widest cell, two spaces apart. A row may have
+/// fewer cells.
+pub(super) fn aligned(head: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let is_number: Vec<bool> = head
+        .split('|')
+        .map(|title| title.starts_with('>'))
+        .collect();
+    let titles = head
+        .split('|')
+        .map(|title| title.trim_start_matches('>').to_owned());
+    let rows: Vec<Vec<String>> = std::iter::once(titles.collect())
         .chain(rows)
-        .map(|row| row.iter().map(|cell| sanitize::line(cell)).collect())
+        .map(|row: Vec<String>| row.iter().map(|cell| sanitize::line(cell)).collect())
         .collect();
-    let columns: Vec<(usize, Side)> = head
-        .iter()
-        .enumerate()
-        .map(|(column, (_, side))| (width(&rows, column), *side))
-        .collect();
-    rows.iter().map(|row| line(row, &columns)).collect()
-}
-
-fn width(rows: &[Vec<String>], column: usize) -> usize {
-    let cells = rows.iter().filter_map(|row| row.get(column));
-    cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
-}
-
-fn line(row: &[String], columns: &[(usize, Side)]) -> String {
-    let cells: Vec<String> = row
-        .iter()
-        .zip(columns)
-        .map(|(cell, (width, side))| match side {
-            Side::Left => format!("{cell:width$}"),
-            Side::Right => format!("{cell:>width$}"),
-        })
-        .collect();
-    format!("{}\n", cells.join("  ").trim_end())
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column));
+        cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..is_number.len()).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).zip(&is_number);
+        let cells: Vec<String> = cells
+            .map(|((cell, width), is_number)| match is_number {
+                false => format!("{cell:width$}"),
+                true => format!("{cell:>width$}"),
+            })
+            .collect();
+        format!("{}\n", cells.join("  ").trim_end())
+    };
+    rows.iter().map(line).collect()
 }
 
 /// Characters that start a formula; some programs also accept their East Asian wide forms.
@@ -65,11 +59,6 @@ mod tests {
     #[test]
     fn words_are_left_numbers_right_and_no_blanks_trail() {
         let row = |cells: &[&str]| cells.iter().map(|cell| (*cell).to_owned()).collect();
-        let head = [
-            ("FILE", Side::Left),
-            ("PIXELS", Side::Right),
-            ("EDGE", Side::Left),
-        ];
         let rows = [
             row(&["a.jpg", "7", "yes"]),
             row(&["\x1b[2Jlong\n.jpg", "12"]),
@@ -77,7 +66,7 @@ mod tests {
         let expected = "FILE          PIXELS  EDGE\n\
                         a.jpg              7  yes\n\
                         [2Jlong .jpg      12\n";
-        assert_eq!(aligned(&head, &rows), expected);
+        assert_eq!(aligned("FILE|>PIXELS|EDGE", rows), expected);
     }
 
     #[test]

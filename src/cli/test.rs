@@ -8,13 +8,13 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::settings::SettingsArgs;
+use super::check::scripts;
+use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
 use super::{Console, Exit, Failure, argument, print};
-use crate::config::Config;
 use crate::sanitize;
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioFileError, ScenarioProcess};
-use job_pool::{JobPool, JobResult, parse_timeout};
+use job_pool::{Job, JobPool, JobResult};
 use report::Report;
 
 /// Run scenarios: *_test.lua files that state what behaviours must achieve
@@ -41,7 +41,7 @@ pub(super) struct TestArgs {
     jobs: Option<u16>,
 
     /// Time limit of each run, in seconds of real time; a longer run counts as failed
-    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = argument::seconds(86_400.0))]
     timeout: Duration,
 
     /// List the scenarios without running them
@@ -63,9 +63,6 @@ pub(super) struct TestArgs {
 
     #[command(flatten)]
     firmware: FirmwareArgs,
-
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 }
 
 struct TestFile {
@@ -73,8 +70,12 @@ struct TestFile {
     scenario_file: Result<ScenarioFile, ScenarioFileError>,
 }
 
-pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
-    let config = args.settings.config()?.clone();
+pub(super) fn run(
+    args: &TestArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let config = settings.config()?.clone();
     let scenario_process = job_pool::scenario_process(args.timeout)?;
     let test_files = test_files(&args.paths, &scenario_process)?;
     let jobs = jobs(args, &test_files);
@@ -85,7 +86,8 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         let failure = Failure::usage("no scenario matches --filter");
         return Err(failure.help("`spykee test --list` lists all scenarios"));
     }
-    let pictures = pictures(args, &config);
+    let own = || config.data_folder().join("scenarios");
+    let pictures = args.pictures.clone().unwrap_or_else(own);
     let settings = RunSettings {
         config,
         firmware: args.firmware.load()?,
@@ -97,16 +99,9 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
     let mut report = Report::new(&test_files, &jobs, pictures);
-    let scenario_files: Vec<&ScenarioFile> = test_files
-        .iter()
-        .filter_map(|file| file.scenario_file.as_ref().ok())
-        .collect();
     let mut trouble = Ok(());
-    pool.run(&scenario_files, &jobs, |done: JobResult| {
-        let file = scenario_files[done.job.scenario_file]
-            .file()
-            .display()
-            .to_string();
+    pool.run(&jobs, |done: JobResult| {
+        let file = done.job.file.file().display().to_string();
         report.take(done);
         console.status(format!("{} · {file}", report.progress()));
         if live && trouble.is_ok() {
@@ -123,7 +118,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     })
 }
 
-fn write_report(args: &TestArgs, report: &mut Report) -> Result<(), Failure> {
+fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<(), Failure> {
     if let Some(path) = &args.junit {
         let written = std::fs::write(path, report::junit(report)?);
         written.map_err(|error| Failure::unwritable(path, error))?;
@@ -135,18 +130,13 @@ fn write_report(args: &TestArgs, report: &mut Report) -> Result<(), Failure> {
     }
 }
 
-fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
-    let own = || config.data_folder().join("scenarios");
-    args.pictures.clone().unwrap_or_else(own)
-}
-
 fn test_files(
     paths: &[PathBuf],
     scenario_process: &ScenarioProcess,
 ) -> Result<Vec<TestFile>, Failure> {
     let mut files = Vec::new();
     for path in paths {
-        collect(path, &mut files)?;
+        files.extend(scripts(path, "_test.lua")?);
     }
     files.dedup();
     if files.is_empty() {
@@ -170,25 +160,26 @@ fn test_files(
     files.into_iter().map(read).collect()
 }
 
-fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<job_pool::Job<'a>> {
+fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
     let wanted = |file: &Path, scenario: &Scenario| {
         let text = args.filter.as_deref().unwrap_or_default();
         format!("{}: {}", file.display(), scenario.name).contains(text)
     };
     let mut jobs = Vec::new();
-    let scenario_files = test_files
-        .iter()
-        .filter_map(|file| file.scenario_file.as_ref().ok());
-    for (index, scenario_file) in scenario_files.enumerate() {
-        let scenarios = scenario_file.scenarios().iter();
-        for scenario in scenarios.filter(|one| wanted(scenario_file.file(), one)) {
+    for (file_number, test_file) in test_files.iter().enumerate() {
+        let Ok(file) = &test_file.scenario_file else {
+            continue;
+        };
+        let scenarios = file.scenarios().iter();
+        for scenario in scenarios.filter(|one| wanted(file.file(), one)) {
             let seeds = match (args.seed, args.seeds) {
                 (Some(seed), _) => seed..=seed,
                 (None, Some(count)) => 1..=count,
                 (None, None) => scenario.seeds(),
             };
-            jobs.extend(seeds.map(|seed| job_pool::Job {
-                scenario_file: index,
+            jobs.extend(seeds.map(|seed| Job {
+                file_number,
+                file,
                 scenario,
                 seed,
             }));
@@ -197,13 +188,13 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<job_pool::Job<'a
     jobs
 }
 
-fn list(test_files: &[TestFile], jobs: &[job_pool::Job<'_>]) -> Result<Exit, Failure> {
+fn list(test_files: &[TestFile], jobs: &[Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
     for (index, file) in test_files.iter().enumerate() {
         if let Err(error) = &file.scenario_file {
             return Err(Failure::new(Exit::Check, error));
         }
-        let own = jobs.iter().filter(|job| job.scenario_file == index);
+        let own = jobs.iter().filter(|job| job.file_number == index);
         let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
         names.dedup();
         for name in names {
@@ -214,42 +205,4 @@ fn list(test_files: &[TestFile], jobs: &[job_pool::Job<'_>]) -> Result<Exit, Fai
     }
     print(&text)?;
     Ok(Exit::Done)
-}
-
-/// Maximum depth of nested folders.
-const MAX_DEPTH: u32 = 16;
-
-/// Collects a file as it is, and all scenario files of a folder in alphabetical order. Skips hidden
-/// folders, `target` folders and symbolic links to folders.
-fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let cannot = |error| Failure::unreadable(path, error);
-    if std::fs::metadata(path).map_err(cannot)?.is_dir() {
-        search(path, 0, files)
-    } else {
-        files.push(path.to_owned());
-        Ok(())
-    }
-}
-
-fn search(folder: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let cannot = |error| Failure::unreadable(folder, error);
-    let mut paths = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(cannot)? {
-        paths.push(entry.map_err(cannot)?.path());
-    }
-    paths.sort();
-    for path in paths {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if path.is_dir() {
-            let skipped = name.starts_with('.') || name == "target" || path.is_symlink();
-            if !skipped && depth < MAX_DEPTH {
-                search(&path, depth + 1, files)?;
-            }
-        } else if name.ends_with("_test.lua") {
-            // Without `./`, as people would write it.
-            let shown = path.strip_prefix("./").map(Path::to_owned);
-            files.push(shown.unwrap_or(path));
-        }
-    }
-    Ok(())
 }

@@ -7,8 +7,8 @@ use clap::Subcommand;
 use qrcode::render::unicode::Dense1x2;
 use qrcode::{EcLevel, QrCode};
 
-use super::settings::SettingsArgs;
-use super::table::{Side, aligned};
+use super::settings::CommandSettings;
+use super::table::aligned;
 use super::{Exit, Failure, print, print_coloured};
 use crate::http::{Key, Keyring, KeyringError, Role};
 
@@ -23,8 +23,6 @@ use crate::http::{Key, Keyring, KeyringError, Role};
 pub(super) struct TokenArgs {
     #[command(subcommand)]
     action: Action,
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
 }
 
 #[derive(Debug, Clone, Subcommand)]
@@ -47,8 +45,8 @@ enum Action {
 }
 
 /// Runs the subcommand.
-pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
-    let config = args.settings.config()?;
+pub(super) fn run(args: &TokenArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let config = settings.config()?;
     let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;
     match &args.action {
         Action::New { name, role } => {
@@ -66,11 +64,7 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
         Action::List if keys.list().is_empty() => print("there are no tokens\n")?,
         Action::List => {
             let row = |key: &Key| vec![key.name.clone(), key.role.name().to_owned()];
-            let rows: Vec<Vec<String>> = keys.list().iter().map(row).collect();
-            print(&aligned(
-                &[("NAME", Side::Left), ("ROLE", Side::Left)],
-                &rows,
-            ))?;
+            print(&aligned("NAME|ROLE", keys.list().iter().map(row)))?;
         }
         Action::Revoke { name } => {
             if !keys.revoke(name).map_err(refused)? {

@@ -1,26 +1,28 @@
-//! `spykee sim show|list|check`: draws, lists and checks worlds.
+//! `spykee sim show|list|check`: draws, lists and checks worlds; and the simulated robot inside
+//! `spykee run --sim`.
 
-use std::ffi::OsStr;
-use std::fmt::Write as _;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 
-use clap::builder::{PathBufValueParser, PossibleValue, TypedValueParser};
+use tokio_util::sync::CancellationToken;
 
-use super::argument::ArgumentError;
-use super::embedded::load;
-use super::{Exit, Failure, print};
-use crate::sim::{Handle, World};
+use super::startup::runtime;
+use super::{Exit, Failure, argument, print};
+use crate::link::Target;
+use crate::script::suggestion;
+use crate::sim::{Handle, Options, Server, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
 pub(super) enum WorldAction {
     /// Draw the map of a world
     Show {
         /// World file, or the name of a built-in world [default: living_room]
-        #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
+        #[arg(value_name = "WORLD")]
         world: Option<PathBuf>,
 
         /// File to write, which must end in .png; an existing file is replaced
-        #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
+        #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = argument::png)]
         output: PathBuf,
 
         /// Print the world as YAML instead, as a start for your own: `--yaml > mine.yaml`
@@ -35,16 +37,6 @@ pub(super) enum WorldAction {
         #[arg(value_name = "WORLD.yaml", required = true)]
         worlds: Vec<PathBuf>,
     },
-}
-
-/// Parses the name of a file that ends in `.png`.
-pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
-    let path = PathBuf::from(text);
-    let ending = path.extension().unwrap_or_default();
-    if ending.eq_ignore_ascii_case("png") {
-        return Ok(path);
-    }
-    Err(ArgumentError::Png)
 }
 
 /// Shows, lists or checks worlds.
@@ -87,22 +79,37 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Loads the world from a file, the built-in one of that name, or the default one.
+pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
+    let Some(path) = world else {
+        return Ok(World::default_world());
+    };
+    if let Some(world) = path.to_str().and_then(World::builtin)
+        && !path.exists()
+    {
+        return Ok(world);
+    }
+    World::load(path).map_err(|error| {
+        let names: Vec<&str> = World::builtin_names().collect();
+        let near = suggestion(&path.to_string_lossy(), names.iter().copied());
+        let names = names.join(", ");
+        Failure::usage(error).help(format!("name a world file, or one of {names}{near}"))
+    })
+}
+
 /// Writes a picture.
-fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
+pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
         .map_err(|error| Failure::unwritable(path, error))
 }
 
 fn list() -> Result<Exit, Failure> {
-    let mut text = String::new();
     for name in World::builtin_names() {
         let about = World::builtin_description(name).unwrap_or_default();
-        // Writing into a string does not fail.
-        let _ = writeln!(text, "{name}\n    {about}");
+        print(&format!("{name}\n    {about}\n"))?;
     }
-    text.push_str("Use one with: spykee run FILE.lua --sim NAME\n");
-    print(&text)?;
+    print("Use one with: spykee run FILE.lua --sim NAME\n")?;
     Ok(Exit::Done)
 }
 
@@ -119,27 +126,6 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     }
     Err(Failure::new(Exit::Check, wrong.join("\nerror: "))
         .help("worlds to start from are in behaviours/worlds/"))
-}
-
-/// Parses the name of a built-in world or of a file; shells complete the names.
-#[derive(Debug, Clone)]
-pub(super) struct WorldParser;
-
-impl TypedValueParser for WorldParser {
-    type Value = PathBuf;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        arg: Option<&clap::Arg>,
-        value: &OsStr,
-    ) -> Result<PathBuf, clap::Error> {
-        PathBufValueParser::new().parse_ref(command, arg, value)
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(World::builtin_names().map(PossibleValue::new)))
-    }
 }
 
 /// A picture file for the path of a robot.
@@ -159,5 +145,58 @@ impl TraceFile {
         save(&sim.trace().draw(sim.world()), &self.0)?;
         tracing::info!("the robot's path is drawn in {}", self.0.display());
         Ok(())
+    }
+}
+
+/// A simulator on its own thread, so that drawing pictures never delays the watchdog, with real
+/// sockets on loopback. Ends when dropped.
+pub(super) struct EmbeddedSim {
+    address: SocketAddr,
+    handle: Handle,
+    stop: CancellationToken,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EmbeddedSim {
+    /// Starts a simulator in this world. Not for callers on a runtime.
+    pub(super) fn start(world: World, options: Options) -> Result<EmbeddedSim, Failure> {
+        let cannot = |error| Failure::io("start the simulator", error);
+        let runtime = runtime()?;
+        let bound = runtime.block_on(Server::bind(world, options));
+        let server = bound.map_err(cannot)?;
+        let address = server.local_addr();
+        let handle = server.handle();
+        let stop = CancellationToken::new();
+        let stopped = stop.clone();
+        let serve = move || {
+            let _ = runtime.block_on(stopped.run_until_cancelled(server.run()));
+        };
+        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
+        Ok(EmbeddedSim {
+            address,
+            handle,
+            stop,
+            thread: Some(thread.map_err(cannot)?),
+        })
+    }
+
+    pub(super) fn target(&self) -> Target {
+        Target {
+            host: self.address.ip().to_string(),
+            port: self.address.port(),
+        }
+    }
+
+    pub(super) fn handle(&self) -> Handle {
+        self.handle.clone()
+    }
+}
+
+impl Drop for EmbeddedSim {
+    fn drop(&mut self) {
+        self.stop.cancel();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use crate::cli::colour::picture;
-use crate::cli::robot::{SharedTargetArgs, with_picture};
-use crate::cli::{Exit, Failure, print};
+use crate::cli::colour::{read_picture, unusable_picture};
+use crate::cli::robot::with_picture;
+use crate::cli::running::SharedTargetArgs;
+use crate::cli::settings::CommandSettings;
+use crate::cli::{Exit, Failure, print, print_json};
 use crate::vision::{Camera, Decoder, Paper, SheetError, SheetPose, pose_from_sheets};
 
 /// Time to wait for a picture from the robot.
@@ -38,34 +40,34 @@ pub(in crate::cli) struct CameraArgs {
     json: bool,
 
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
-pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
-    let Some(path) = &args.picture else {
-        return with_picture(&args.target, SECONDS, |shot| measure(args, &shot.jpeg));
-    };
-    let jpeg = picture::read(path)?;
-    measure(args, &jpeg)
+pub(super) fn run(args: &CameraArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let camera = settings.config()?.camera;
+    match &args.picture {
+        Some(path) => measure(args, camera, &read_picture(path)?),
+        None => with_picture(&args.target, settings, SECONDS, |shot| {
+            measure(args, camera, &shot.jpeg)
+        }),
+    }
 }
 
-fn measure(args: &CameraArgs, jpeg: &[u8]) -> Result<Exit, Failure> {
-    let camera = args.target.settings.config()?.camera;
+fn measure(args: &CameraArgs, camera: Camera, jpeg: &[u8]) -> Result<Exit, Failure> {
     let source = args.picture.clone().unwrap_or("the picture".into());
     let mut decoder = Decoder::default();
     let image = decoder
         .decode(jpeg)
-        .map_err(|error| picture::unusable(&source, &error))?;
+        .map_err(|error| unusable_picture(&source, &error))?;
     let found = pose_from_sheets(image, camera, args.paper).map_err(|error| {
         let what = format!("{}: {error}", source.display());
         Failure::new(Exit::Failed, what).help(help(error))
     })?;
-    let text = if args.json {
-        format!("{}\n", as_json(&found))
+    if args.json {
+        print_json(&as_json(&found))?;
     } else {
-        as_text(&found, camera)
-    };
-    print(&text)?;
+        print(&as_text(&found, camera))?;
+    }
     Ok(Exit::Done)
 }
 

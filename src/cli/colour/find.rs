@@ -1,15 +1,16 @@
 //! `spykee colour find`: runs a script's `find_blobs` on pictures.
 
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use image::RgbImage;
 use serde_json::json;
 
-use super::marked_pictures::MarkedPictures;
-use super::{of_names, picture};
-use crate::cli::settings::SettingsArgs;
-use crate::cli::table::{Side, aligned};
-use crate::cli::{Console, Exit, Failure, argument, print};
+use super::{of_names, parse_roi, part, read_picture, unusable_picture};
+use crate::cli::settings::CommandSettings;
+use crate::cli::table::aligned;
+use crate::cli::world::save;
+use crate::cli::{Console, Exit, Failure, argument, print, print_json};
 use crate::vision::{
     Annotation, Blob, BlobOptions, Colour, FrameAnalyser, Image, Roi, Size, annotate_enlarged,
 };
@@ -19,21 +20,7 @@ const SHOWN_WIDTH: u32 = 960;
 /// Largest enlargement factor.
 const MAX_ENLARGEMENT: u32 = 6;
 
-const HEAD: [(&str, Side); 13] = [
-    ("FILE", Side::Left),
-    ("#", Side::Right),
-    ("COLOUR", Side::Left),
-    ("PIXELS", Side::Right),
-    ("X", Side::Right),
-    ("Y", Side::Right),
-    ("W", Side::Right),
-    ("H", Side::Right),
-    ("CX", Side::Right),
-    ("CY", Side::Right),
-    ("ROUNDNESS", Side::Right),
-    ("BEARING", Side::Right),
-    ("EDGE", Side::Left),
-];
+const HEAD: &str = "FILE|>#|COLOUR|>PIXELS|>X|>Y|>W|>H|>CX|>CY|>ROUNDNESS|>BEARING|EDGE";
 
 /// Find blobs of a colour in pictures, as scripts do
 ///
@@ -58,11 +45,8 @@ pub(super) struct FindArgs {
     )]
     colours: Vec<String>,
 
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
-
     /// Search only this part of the picture, in pixels: left column, top row, width, height
-    #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_roi)]
     roi: Option<Roi>,
 
     /// Omit blobs with fewer pixels
@@ -101,8 +85,12 @@ struct Search<'a> {
 
 /// Searches each picture and prints the blobs found. Reports an unusable picture on stderr and
 /// continues with the others.
-pub(super) fn run(args: &FindArgs, console: &Console) -> Result<Exit, Failure> {
-    let mut search = Search::new(args)?;
+pub(super) fn run(
+    args: &FindArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let mut search = Search::new(args, settings)?;
     let mut exit = Exit::Done;
     let mut found = Vec::new();
     for (key, image) in (0..).zip(&args.images) {
@@ -120,7 +108,7 @@ pub(super) fn run(args: &FindArgs, console: &Console) -> Result<Exit, Failure> {
         }
     }
     if args.json {
-        print(&format!("{}\n", json(&found, &args.colours)))?;
+        print_json(&json(&found, &args.colours))?;
     } else if !found.is_empty() {
         print(&table(&found, &args.colours))?;
     }
@@ -137,8 +125,8 @@ fn limit_note(found: &Found) -> String {
 }
 
 impl<'a> Search<'a> {
-    fn new(args: &'a FindArgs) -> Result<Search<'a>, Failure> {
-        let config = args.settings.config()?;
+    fn new(args: &'a FindArgs, settings: &CommandSettings) -> Result<Search<'a>, Failure> {
+        let config = settings.config()?;
         let colours = of_names(&args.colours, config)?;
         let marked = args.annotate.as_deref();
         let marked = marked.map(|out| MarkedPictures::open(out, &args.images));
@@ -159,12 +147,12 @@ impl<'a> Search<'a> {
     }
 
     fn find(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
-        let jpeg = picture::read(path)?;
-        let unusable = |error| picture::unusable(path, &error);
+        let jpeg = read_picture(path)?;
+        let unusable = |error| unusable_picture(path, &error);
         let image = self.analyser.decode(key, &jpeg).map_err(unusable)?;
         let size = image.size();
         if let Some(roi) = self.args.roi {
-            picture::part(roi, size, path)?;
+            part(roi, size, path)?;
         }
         let blobs = self
             .analyser
@@ -226,18 +214,15 @@ fn json(found: &[Found], colours: &[String]) -> serde_json::Value {
 }
 
 fn table(found: &[Found], colours: &[String]) -> String {
-    let rows: Vec<Vec<String>> = found
-        .iter()
-        .flat_map(|found| {
-            if found.blobs.is_empty() {
-                return vec![vec![found.file.clone(), "-".into(), "none".into()]];
-            }
-            let blobs = (1..).zip(&found.blobs);
-            let rows = blobs.map(|(number, blob)| row(&found.file, number, blob, colours));
-            rows.collect()
-        })
-        .collect();
-    aligned(&HEAD, &rows)
+    let mut rows = Vec::new();
+    for found in found {
+        if found.blobs.is_empty() {
+            rows.push(vec![found.file.clone(), "-".into(), "none".into()]);
+        }
+        let blobs = (1..).zip(&found.blobs);
+        rows.extend(blobs.map(|(number, blob)| row(&found.file, number, blob, colours)));
+    }
+    aligned(HEAD, rows)
 }
 
 fn row(file: &str, number: usize, blob: &Blob, colours: &[String]) -> Vec<String> {
@@ -257,4 +242,134 @@ fn row(file: &str, number: usize, blob: &Blob, colours: &[String]) -> Vec<String
         format!("{:+.3}", blob.bearing),
         edge.to_owned(),
     ]
+}
+
+const ANNOTATE_HELP: &str =
+    "for one picture, --annotate names a file that ends in .png; for several, a folder";
+
+/// Where marked pictures go: to one PNG file, or to a folder with one file per picture.
+#[derive(Debug)]
+enum MarkedPictures {
+    File(PathBuf),
+    /// A folder, and the names already used in it.
+    Folder(PathBuf, BTreeSet<String>),
+}
+
+impl MarkedPictures {
+    fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
+        let is_png = out
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let shown = out.display();
+        let ends_as_folder = shown.to_string().ends_with(MAIN_SEPARATOR);
+        if out.is_dir() || ends_as_folder || images.len() > 1 {
+            if is_png && !out.is_dir() || out.is_file() {
+                let what = format_args!("{shown} is not a folder, but there are several pictures");
+                return Err(Failure::usage(what).help(ANNOTATE_HELP));
+            }
+            return MarkedPictures::folder(out);
+        }
+        if !is_png {
+            return Err(
+                Failure::usage(format_args!("{shown} does not end in .png")).help(ANNOTATE_HELP)
+            );
+        }
+        let is_input = |image: &PathBuf| same_file(image, out);
+        if images.iter().any(is_input) {
+            let what = format_args!("{shown} is the picture itself and would be overwritten");
+            return Err(Failure::usage(what).help("choose another name for --annotate"));
+        }
+        Ok(MarkedPictures::File(out.to_owned()))
+    }
+
+    fn folder(out: &Path) -> Result<MarkedPictures, Failure> {
+        std::fs::create_dir_all(out).map_err(|error| {
+            Failure::io(format_args!("create the folder {}", out.display()), error)
+        })?;
+        Ok(MarkedPictures::Folder(out.to_owned(), BTreeSet::new()))
+    }
+
+    fn save(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
+        let path = match self {
+            MarkedPictures::File(path) => path.clone(),
+            MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),
+        };
+        save(marked, &path)
+    }
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    match (one.canonicalize(), other.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    }
+}
+
+/// The file name `NAME-blobs.png`, with a number if pictures in different folders have the same
+/// name.
+fn name(image: &Path, taken: &mut BTreeSet<String>) -> String {
+    let stem = image
+        .file_stem()
+        .map_or_else(|| "picture".into(), |stem| stem.to_string_lossy());
+    let mut name = format!("{stem}-blobs.png");
+    for number in 2.. {
+        if taken.insert(name.clone()) {
+            break;
+        }
+        name = format!("{stem}-{number}-blobs.png");
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_with_the_same_name_do_not_overwrite_each_other() {
+        let mut taken = BTreeSet::new();
+        let mut names = ["a/shot.jpg", "b/shot.jpg", "c/shot.jpg", "c/.."]
+            .map(|image| name(Path::new(image), &mut taken));
+        assert_eq!(names[..2], ["shot-blobs.png", "shot-2-blobs.png"]);
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
+    }
+
+    #[test]
+    fn several_pictures_need_a_folder_and_one_a_png() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = |name: &str| folder.path().join(name);
+        let images = ["a.jpg", "b.jpg"].map(PathBuf::from);
+        let refused = |out: PathBuf, images: &[PathBuf]| {
+            let report = MarkedPictures::open(&out, images).unwrap_err().report();
+            assert!(report.contains("--annotate"), "{report}");
+        };
+        refused(out("out.png"), &images);
+        refused(out("out.jpg"), &images[..1]);
+        refused(out("out"), &images[..1]);
+        assert!(matches!(
+            MarkedPictures::open(&out("out.PNG"), &images[..1]),
+            Ok(MarkedPictures::File(_))
+        ));
+        assert!(matches!(
+            MarkedPictures::open(&out("new"), &images),
+            Ok(MarkedPictures::Folder(..))
+        ));
+        assert!(matches!(
+            MarkedPictures::open(&out("new"), &images[..1]),
+            Ok(MarkedPictures::Folder(..))
+        ));
+        std::fs::write(out("taken"), "").unwrap();
+        refused(out("taken"), &images);
+    }
+
+    #[test]
+    fn a_picture_is_never_overwritten_by_its_copy() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = folder.path().join("shot.png");
+        std::fs::write(&picture, "picture").unwrap();
+        let failure = MarkedPictures::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
+        let said = failure.to_string();
+        assert!(said.contains("would be overwritten"), "{said}");
+    }
 }

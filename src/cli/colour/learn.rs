@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::json;
 
-use super::picture;
-use crate::cli::argument::ArgumentError;
-use crate::cli::table::{Side, aligned};
-use crate::cli::{Console, Exit, Failure, print};
+use super::{parse_roi, part, read_picture, unusable_picture};
+use crate::cli::table::aligned;
+use crate::cli::{Console, Exit, Failure, print, print_json};
 use crate::vision::{
     self, Blob, BlobFinder, BlobOptions, Camera, Colour, Decoder, Image, LearnRefusal, Learned,
     Palette, Roi,
@@ -19,14 +18,7 @@ const VERY_GOOD: f64 = 0.9;
 const GOOD: f64 = 0.75;
 const USABLE: f64 = 0.5;
 
-const HEAD: [(&str, Side); 6] = [
-    ("# PICTURE", Side::Left),
-    ("INSIDE", Side::Right),
-    ("OF", Side::Right),
-    ("OUTSIDE", Side::Right),
-    ("OF", Side::Right),
-    ("LARGEST BLOB", Side::Left),
-];
+const HEAD: &str = "# PICTURE|>INSIDE|>OF|>OUTSIDE|>OF|LARGEST BLOB";
 
 /// Learn a colour from pictures and print it for the config
 ///
@@ -40,7 +32,7 @@ pub(super) struct LearnArgs {
     images: Vec<PathBuf>,
 
     /// Part of the picture that the object fills, in pixels: left column, top row, width, height
-    #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_roi)]
     roi: Roi,
 
     /// Name of the colour in scripts: letters, digits, _ and -. A built-in name such as red
@@ -53,14 +45,17 @@ pub(super) struct LearnArgs {
     json: bool,
 }
 
-fn parse_name(text: &str) -> Result<String, ArgumentError> {
+fn parse_name(text: &str) -> Result<String, String> {
     const MAX_LETTERS: usize = 40;
     let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
     let begins_well = text.starts_with(char::is_alphabetic);
     if begins_well && text.chars().all(fits) && text.chars().count() <= MAX_LETTERS {
         return Ok(text.to_owned());
     }
-    Err(ArgumentError::Colour(MAX_LETTERS))
+    Err(format!(
+        "expected a letter followed by letters, digits, _ or -, at most {MAX_LETTERS} characters in \
+         all"
+    ))
 }
 
 /// The matches of the learned colour in one picture.
@@ -102,21 +97,27 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         Err(refusal) => return refuse(refusal, args.json),
     };
     let checks = check_pictures(&images, args.roi, &learned.colour);
-    print(&if args.json {
-        format!("{}\n", json(&args.name, &learned, &checks))
+    if args.json {
+        print_json(&json!({
+            "name": args.name,
+            "colour": learned.colour,
+            "quality": learned.quality,
+            "verdict": verdict(learned.quality, &checks),
+            "pictures": checks,
+        }))?;
     } else {
-        yaml(&args.name, &learned, &checks)
-    })?;
+        print(&yaml(&args.name, &learned, &checks))?;
+    }
     Ok(exit)
 }
 
 fn load(path: &Path, roi: Roi) -> Result<Image, Failure> {
-    let jpeg = picture::read(path)?;
+    let jpeg = read_picture(path)?;
     let mut decoder = Decoder::default();
     let image = decoder
         .decode(&jpeg)
-        .map_err(|error| picture::unusable(path, &error))?;
-    picture::part(roi, image.size(), path)?;
+        .map_err(|error| unusable_picture(path, &error))?;
+    part(roi, image.size(), path)?;
     Ok(image.clone())
 }
 
@@ -132,8 +133,7 @@ fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
         }
     };
     if as_json {
-        let refused = json!({ "refused": refusal.code(), "reason": refusal.to_string() });
-        print(&format!("{refused}\n"))?;
+        print_json(&json!({ "refused": refusal.code(), "reason": refusal.to_string() }))?;
     }
     Err(Failure::usage(refusal).help(help))
 }
@@ -220,13 +220,12 @@ fn verdict(quality: f64, checks: &[ColourCheck]) -> &'static str {
 
 /// The result as YAML to paste into a config: everything except the colour is a comment.
 fn yaml(name: &str, learned: &Learned, checks: &[ColourCheck]) -> String {
-    let rows: Vec<Vec<String>> = checks.iter().map(row).collect();
     let verdict = verdict(learned.quality, checks);
     let quality = learned.quality;
     format!(
         "# Pixels that have the learned colour:\n{}# Quality {quality:.2} of 1: {verdict}\n\
          colours:\n  {}: {}\n",
-        aligned(&HEAD, &rows),
+        aligned(HEAD, checks.iter().map(row)),
         key(name),
         learned.colour
     )
@@ -261,16 +260,6 @@ fn key(name: &str) -> String {
         Ok(read) if read == name => name.to_owned(),
         _ => format!("\"{name}\""),
     }
-}
-
-fn json(name: &str, learned: &Learned, checks: &[ColourCheck]) -> serde_json::Value {
-    json!({
-        "name": name,
-        "colour": learned.colour,
-        "quality": learned.quality,
-        "verdict": verdict(learned.quality, checks),
-        "pictures": checks,
-    })
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@ use std::path::Path;
 use jiff::Timestamp;
 
 use super::CheckResult;
-use crate::clock::{Clock, is_plausible};
-use crate::sandbox::{Landlock, Restrictions};
+use crate::clock::is_plausible;
+use crate::sandbox::Landlock;
 
 /// Seconds from 1970 to the beginning of 2100.
 const LATEST_PLAUSIBLE: i64 = 4_102_444_800;
@@ -16,11 +16,7 @@ const LATEST_PLAUSIBLE: i64 = 4_102_444_800;
 const LOW_SPACE_MIB: u64 = 200;
 const MIN_SPACE_MIB: u64 = 10;
 
-pub(super) fn clock() -> CheckResult {
-    clock_result(Clock::default().now())
-}
-
-fn clock_result(now: Timestamp) -> CheckResult {
+pub(super) fn clock(now: Timestamp) -> CheckResult {
     if is_plausible(now) && now.as_second() < LATEST_PLAUSIBLE {
         return CheckResult::ok("clock", "the date is plausible");
     }
@@ -102,11 +98,8 @@ fn landlock_result(landlock: Landlock, release: &str) -> CheckResult {
     }
 }
 
-pub(super) fn seccomp() -> CheckResult {
-    seccomp_result(Restrictions::supported().calls)
-}
-
-fn seccomp_result(offered: bool) -> CheckResult {
+/// Checks the kernel's support for filters of system calls.
+pub(super) fn seccomp(offered: bool) -> CheckResult {
     if offered {
         CheckResult::ok(
             "seccomp",
@@ -153,7 +146,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_was_never_set_gets_a_warning() {
-        let verdict = |now| clock_result(Timestamp::from_second(now).unwrap()).verdict;
+        let verdict = |now| clock(Timestamp::from_second(now).unwrap()).verdict;
         assert_eq!(verdict(1000), Verdict::Warn);
         assert_eq!(verdict(1_800_000_000), Verdict::Ok);
         assert_eq!(verdict(LATEST_PLAUSIBLE), Verdict::Warn);
@@ -190,7 +183,7 @@ mod tests {
         assert!(!landlock(Landlock::Version(4)).found.contains("network"));
         assert_eq!(landlock(Landlock::Off).verdict, Verdict::Warn);
         assert_eq!(landlock(Landlock::Missing).verdict, Verdict::Warn);
-        assert_eq!(seccomp_result(true).verdict, Verdict::Ok);
-        assert_eq!(seccomp_result(false).verdict, Verdict::Warn);
+        assert_eq!(seccomp(true).verdict, Verdict::Ok);
+        assert_eq!(seccomp(false).verdict, Verdict::Warn);
     }
 }

@@ -1,28 +1,40 @@
 //! `spykee doctor --first`: finds out, with a person, what is not known of a robot (`PROTOCOL.md`,
 //! *Not known*), and writes the config.
 
-mod link_cut;
 mod moving;
-mod standing;
 #[cfg(test)]
 mod tests;
 
 use std::fs::OpenOptions;
 use std::io::Write as _;
 use std::path::Path;
+use std::time::Duration;
 
-use self::link_cut::LinkCut;
+use tokio::time::{Instant, sleep};
+
+use self::moving::LinkCut;
 use super::DoctorArgs;
-use crate::cli::calibrate::person;
+use super::network::{execution, per_second};
+use crate::cli::calibrate::answer;
 use crate::cli::driver::{Driver, DriverParts, drive};
 use crate::cli::interrupt::interruption;
-use crate::cli::robot::TargetArgs;
+use crate::cli::robot::{RobotSession, video};
+use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::link::close_gracefully;
-use crate::pilot::{Connector, DELIVERY};
-use crate::robot::Percent;
-use crate::vision::Camera;
-use crate::wire::Command;
+use crate::link::Executes;
+use crate::pilot::Connector;
+use crate::robot::{Battery, Percent, Streams};
+use crate::vision::{Camera, Decoder, Glance, drove_forwards};
+use crate::wire::{Command, Engage, EngineReport, Report};
+
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
+/// How often a question is asked.
+const REPEATS: usize = 3;
+const LEAVING_TIMEOUT: Duration = Duration::from_secs(15);
+/// How long the robot may take to stand after it has reported that it has left.
+const COMING_TO_REST: Duration = Duration::from_secs(2);
+/// Time between two views that are compared.
+const VIEW_INTERVAL: Duration = Duration::from_millis(300);
 
 const INTRODUCTION: &str = "
 This finds out what is not known of your robot, in about ten minutes:
@@ -39,19 +51,12 @@ no table, no cables; keep people and animals away. You are asked before each mot
 it. Ctrl-C stops the robot at any time.
 ";
 
-/// How something was found out.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum How {
-    Measured,
-    Asked,
-    NotKnown,
-}
-
 #[derive(Debug)]
 struct Finding {
     what: &'static str,
     found: String,
-    how: How,
+    /// How it was found out.
+    how: &'static str,
 }
 
 /// What is known so far, and what the steps need of it.
@@ -87,24 +92,24 @@ impl Person {
             return Ok(String::new());
         }
         let help = "with --yes nobody is asked before a motion";
-        person::answer().await.map_err(|failure| failure.help(help))
+        answer().await.map_err(|failure| failure.help(help))
     }
 }
 
 impl Walk {
     fn measured(&mut self, what: &'static str, found: &str) -> Result<(), Failure> {
-        self.note(what, found, How::Measured)
+        self.note("measured", what, found)
     }
 
     fn asked(&mut self, what: &'static str, found: &str) -> Result<(), Failure> {
-        self.note(what, found, How::Asked)
+        self.note("asked", what, found)
     }
 
     fn unknown(&mut self, what: &'static str, why: &str) -> Result<(), Failure> {
-        self.note(what, why, How::NotKnown)
+        self.note("not known", what, &format!("not known: {why}"))
     }
 
-    fn note(&mut self, what: &'static str, found: &str, how: How) -> Result<(), Failure> {
+    fn note(&mut self, how: &'static str, what: &'static str, found: &str) -> Result<(), Failure> {
         let found = found.to_owned();
         print(&format!("     -> {what}: {found}\n"))?;
         self.findings.push(Finding { what, found, how });
@@ -114,11 +119,6 @@ impl Walk {
     fn summary(&self) -> String {
         let mut text = "\nWhat this robot is:\n".to_owned();
         for Finding { what, found, how } in &self.findings {
-            let how = match how {
-                How::Measured => "measured",
-                How::Asked => "asked",
-                How::NotKnown => "not known",
-            };
             text.push_str(&format!("  {how:9}  {what:20}  {found}\n"));
         }
         text
@@ -130,16 +130,12 @@ impl Walk {
 /// # Errors
 /// A robot that cannot be reached or may not drive, or a person who does not answer. What was found
 /// out until then is printed.
-pub(super) fn run(args: &DoctorArgs, yes: bool) -> Result<Exit, Failure> {
-    let target = TargetArgs {
-        settings: args.settings.clone(),
-        connection: args.connection.clone(),
-    };
+pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let seed = rand::random();
-    let robot = target.resolve(seed)?;
+    let robot = args.connection.resolve(settings, seed)?;
     let parts = robot.driver_parts(seed)?;
     let mut walk = Walk {
-        person: Person { yes },
+        person: Person { yes: args.yes },
         camera: robot.config.camera,
         low: robot.config.watchdog.low,
         is_docked: true,
@@ -154,13 +150,13 @@ pub(super) fn run(args: &DoctorArgs, yes: bool) -> Result<Exit, Failure> {
     print(&walk.summary())?;
     let exit = exit?;
     if exit == Exit::Done {
-        conclude(&walk, args)?;
+        conclude(&walk, &settings.path())?;
     }
     Ok(exit)
 }
 
 async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> {
-    let (mut connector, cut) = LinkCut::of(parts.connector);
+    let (mut connector, cut) = LinkCut::new(parts.connector);
     let interrupted = interruption()?;
     print(INTRODUCTION)?;
     let standing = tokio::select! {
@@ -179,22 +175,22 @@ async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> 
 
 /// The steps without the tracks, over a plain link.
 async fn stand(walk: &mut Walk, connector: &mut Connector) -> Result<(), Failure> {
-    let mut session = connector(vec![Command::STOP].into()).await?;
-    walk.is_docked = session.accepted.docked;
-    standing::ask_robot(walk, &mut session).await?;
+    let link = connector(vec![Command::STOP].into()).await?;
+    walk.is_docked = link.accepted.docked;
+    let mut session = RobotSession::new(link, false, Streams::default());
+    ask_robot(walk, &mut session).await?;
     let hint = "its pose: `spykee calibrate camera` measures it from one picture";
     print("\n2  Its camera looks up or down, and may be tilted.\n")?;
-    walk.unknown("camera", hint)?;
+    walk.note("not known", "camera", hint)?;
     ask_person(walk).await?;
-    standing::leave_station(walk, &mut session).await?;
-    close_gracefully(session.reader, session.writer, DELIVERY).await;
-    Ok(())
+    leave_station(walk, &mut session).await?;
+    session.end().await
 }
 
 async fn move_about(walk: &mut Walk, driver: &mut Driver, cut: &LinkCut) -> Result<Exit, Failure> {
     if walk.is_docked {
         for what in ["least power", "POWER is", "without a connection"] {
-            walk.unknown(what, "not known: it stands on its station")?;
+            walk.unknown(what, "it stands on its station")?;
         }
         return Ok(Exit::Done);
     }
@@ -219,13 +215,155 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
         "n" => walk.asked("can fall", "no"),
         _ => walk.unknown(
             "can fall",
-            "not known: if it can, set watchdog: { blind_moves: false, rescue: off }",
+            "if it can, set watchdog: { blind_moves: false, rescue: off }",
         ),
     }
 }
 
+/// How fast the robot's program is, which questions it answers, and what POWER says.
+async fn ask_robot(walk: &mut Walk, session: &mut RobotSession) -> Result<(), Failure> {
+    print("\n1  It is asked some questions; nothing moves.\n")?;
+    const SPEED: &str = "executes commands";
+    match execution(session).await? {
+        Executes::Every(time) => match per_second(time) {
+            None => walk.measured(SPEED, "at once")?,
+            Some(rate) => {
+                let found = format!("about {} a second", significant(rate));
+                walk.measured(SPEED, &found)?;
+            }
+        },
+        _ => walk.unknown(
+            SPEED,
+            "it does not say what it has executed; it is sent five a second",
+        )?,
+    }
+    let mut answers = Vec::new();
+    for (name, question) in [
+        ("POWER", Command::PowerQuery),
+        ("CONFIG", Command::ConfigQuery),
+        ("LOG", Command::LogQuery),
+    ] {
+        if is_answered(session, question).await? {
+            answers.push(name);
+        }
+    }
+    let answers = match &answers[..] {
+        [] => "none".to_owned(),
+        names => names.join(", "),
+    };
+    walk.measured("answers questions", &answers)?;
+    let battery = Battery::reported(session.link.power);
+    let found = match (battery.percent, battery.charging) {
+        (Some(level), true) => format!("{level}, charging"),
+        (Some(level), false) => level.to_string(),
+        (None, charging) => {
+            let byte = session.link.power.to_byte().cast_signed();
+            let charging = if charging { "charging, " } else { "" };
+            format!("{charging}out of range ({byte}): its level is not known")
+        }
+    };
+    walk.measured("POWER", &found)
+}
+
+/// Two digits that count.
+fn significant(rate: f64) -> f64 {
+    if rate < 10.0 {
+        (rate * 10.0).round() / 10.0
+    } else {
+        rate.round()
+    }
+}
+
+/// Asks several times: one POWER may come unasked.
+async fn is_answered(session: &mut RobotSession, question: Command) -> Result<bool, Failure> {
+    session.send(&vec![question.clone(); REPEATS]).await?;
+    let answer = |report| match report {
+        Report::Power(_) if question == Command::PowerQuery => Some(()),
+        Report::Config(_) if question == Command::ConfigQuery => Some(()),
+        Report::Log(_) if question == Command::LogQuery => Some(()),
+        _ => None,
+    };
+    for _ in 0..REPEATS {
+        if session.receive(REPLY_TIMEOUT, answer).await?.is_none() {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Lets the robot leave its station, and finds out which way. It does that by itself, and ends it
+/// by itself.
+async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<(), Failure> {
+    const WHAT: &str = "leaves its station";
+    print("\n4  It leaves its station, by half a metre or so.\n")?;
+    let battery = Battery::reported(session.link.power);
+    if !session.link.accepted.docked {
+        return walk.unknown(WHAT, "it is not on its station");
+    }
+    if battery.percent.is_some_and(|level| level <= walk.low) {
+        return walk.unknown(WHAT, "the battery is low");
+    }
+    let asks = match battery.percent {
+        Some(_) => "Is the way free?",
+        None => "Its level is not known. Has it charged for an hour, and is the way free?",
+    };
+    if !walk.person.agrees(asks).await? {
+        return walk.unknown(WHAT, "skipped");
+    }
+    let Some(views) = watch_leaving(walk.camera, session).await? else {
+        return walk.unknown(WHAT, "it did not say within 15 s that it has left");
+    };
+    walk.is_docked = false;
+    let seen = drove_forwards(&views.iter().collect::<Vec<_>>());
+    let asks = "Did it leave forwards (f) or backwards (b)? Enter: as its pictures say";
+    match (walk.person.types(asks).await?.as_str(), seen) {
+        ("f", _) => walk.asked(WHAT, "forwards"),
+        ("b", _) => walk.asked(WHAT, "backwards"),
+        (_, Some(true)) => walk.measured(WHAT, "forwards"),
+        (_, Some(false)) => walk.measured(WHAT, "backwards"),
+        (_, None) => walk.unknown(WHAT, "its pictures do not tell"),
+    }
+}
+
+/// What it sees while it leaves; `None` if it does not say that it has left.
+async fn watch_leaving(
+    camera: Camera,
+    session: &mut RobotSession,
+) -> Result<Option<Vec<Glance>>, Failure> {
+    session.send(&[video(true)]).await?;
+    sleep(COMING_TO_REST / 2).await;
+    session.send(&[Command::Engine(Engage::Undock)]).await?;
+    let mut until = Instant::now() + LEAVING_TIMEOUT;
+    let mut decoder = Decoder::default();
+    let mut views = Vec::new();
+    let mut next_view = Instant::now();
+    let mut has_left = false;
+    while let Some(report) = session
+        .receive(until.saturating_duration_since(Instant::now()), Some)
+        .await?
+    {
+        let now = Instant::now();
+        match report {
+            Report::Engine(EngineReport::Undocked) => {
+                has_left = true;
+                until = now + COMING_TO_REST;
+            }
+            Report::Video(jpeg) if now >= next_view => {
+                let image = decoder.decode(&jpeg).ok();
+                if let Some(view) = image.and_then(|image| Glance::new(image, camera)) {
+                    views.push(view);
+                    next_view = now + VIEW_INTERVAL;
+                }
+            }
+            _ => {}
+        }
+    }
+    session.send(&[Command::STOP, video(false)]).await?;
+    Ok(has_left.then_some(views))
+}
+
 /// Writes the config, or prints its lines if there is one.
-fn conclude(walk: &Walk, args: &DoctorArgs) -> Result<(), Failure> {
+fn conclude(walk: &Walk, path: &Path) -> Result<(), Failure> {
     let mut lines = walk.lines.clone();
     if !walk.watchdog.is_empty() {
         lines.push(format!("watchdog: {{ {} }}", walk.watchdog.join(", ")));
@@ -234,8 +372,7 @@ fn conclude(walk: &Walk, args: &DoctorArgs) -> Result<(), Failure> {
         return print("\nNothing to set in the config.\n");
     }
     let text = lines.join("\n") + "\n";
-    let path = args.settings.path();
-    if create(&path, &text)? {
+    if create(path, &text)? {
         return print(&format!("\nWritten to {}:\n{text}", path.display()));
     }
     print(&format!(

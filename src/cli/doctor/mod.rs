@@ -6,9 +6,11 @@ mod network;
 
 use serde::Serialize;
 
-use super::settings::SettingsArgs;
-use super::{ConnectionArgs, Exit, Failure, RobotChoice, block_on, print};
+use super::settings::CommandSettings;
+use super::{ConnectionArgs, Exit, Failure, print, print_json};
+use crate::clock::Clock;
 use crate::config::Effective;
+use crate::sandbox::Restrictions;
 use crate::sanitize;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
@@ -16,10 +18,10 @@ use crate::sanitize;
 /// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. If a robot is named,
 /// the command logs in for some seconds and stops the tracks.
 ///
-/// With --first it then gets to know a robot, with a person beside it, in about ten minutes: how its
-/// program executes commands, what its battery level means, how it leaves its station, the least
-/// power that moves it, and whether it stops without a connection. It says what it will do, asks
-/// before each motion, and writes the config, or prints its lines if there is one.
+/// With --first it then gets to know a robot, with a person beside it, in about ten minutes: how
+/// its program executes commands, what its battery level means, how it leaves its station, the
+/// least power that moves it, and whether it stops without a connection. It says what it will do,
+/// asks before each motion, and writes the config, or prints its lines if there is one.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
@@ -27,9 +29,6 @@ use crate::sanitize;
                         spykee doctor --config spykee.yaml --json"
 )]
 pub(super) struct DoctorArgs {
-    #[command(flatten)]
-    pub(super) settings: SettingsArgs,
-
     /// Print a JSON array
     #[arg(long)]
     json: bool,
@@ -65,31 +64,25 @@ struct CheckResult {
 
 impl CheckResult {
     fn ok(check: &'static str, found: impl Into<String>) -> CheckResult {
-        let verdict = Verdict::Ok;
-        let found = found.into();
-        let help = None;
         CheckResult {
             check,
-            verdict,
-            found,
-            help,
+            verdict: Verdict::Ok,
+            found: found.into(),
+            help: None,
         }
     }
 
     fn warn(check: &'static str, found: impl Into<String>, help: &str) -> CheckResult {
-        let verdict = Verdict::Warn;
-        let help = Some(help.to_owned());
         CheckResult {
-            verdict,
-            help,
+            verdict: Verdict::Warn,
+            help: Some(help.to_owned()),
             ..CheckResult::ok(check, found)
         }
     }
 
     fn fail(check: &'static str, found: impl Into<String>, help: &str) -> CheckResult {
-        let verdict = Verdict::Fail;
         CheckResult {
-            verdict,
+            verdict: Verdict::Fail,
             ..CheckResult::warn(check, found, help)
         }
     }
@@ -112,41 +105,34 @@ impl CheckResult {
 /// # Errors
 /// No runtime, a login or world that cannot be used, an interruption, or a stdout that cannot be
 /// written to. A failed check is not an error but sets the exit code.
-pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
+pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let mut report = DoctorReport {
         json: args.json,
         results: Vec::new(),
+        printed: Ok(()),
     };
-    let settings = settings(args, &mut report)?;
-    let config = &settings.config;
+    let checked = check_config(settings, &mut report);
     for result in [
-        computer::clock(),
-        computer::disk(config.data_folder()),
+        computer::clock(Clock::default().now()),
+        computer::disk(checked.config.data_folder()),
         computer::landlock(),
-        computer::seccomp(),
+        computer::seccomp(Restrictions::supported().calls),
         computer::terminal(),
     ] {
-        report.add(result)?;
+        report.add(result);
     }
-    let choice = args.connection.robot();
-    let choice = choice.or_else(|| config.robot.clone().map(RobotChoice::Robot));
-    block_on(network::examine(
-        choice,
-        &args.connection,
-        &settings,
-        &mut report,
-    ))??;
+    network::examine(&args.connection, checked, &mut report)?;
     let exit = report.end()?;
     if !args.first || exit != Exit::Done {
         return Ok(exit);
     }
-    first::run(args, args.yes)
+    first::run(args, settings)
 }
 
 /// Loads the settings. Reports an invalid config and falls back to the defaults.
-fn settings(args: &DoctorArgs, report: &mut DoctorReport) -> Result<Effective, Failure> {
-    let config = args.settings.load();
-    report.add(match (&config, args.settings.file()) {
+fn check_config(settings: &CommandSettings, report: &mut DoctorReport) -> Effective {
+    let config = settings.load();
+    report.add(match (&config, settings.file()) {
         (Ok(_), Some(path)) => CheckResult::ok("config", format!("{} is valid", path.display())),
         (Ok(_), None) => {
             CheckResult::ok("config", "no config named, no spykee.yaml here: defaults")
@@ -155,28 +141,29 @@ fn settings(args: &DoctorArgs, report: &mut DoctorReport) -> Result<Effective, F
             let help = "correct the file; the README lists the keys";
             CheckResult::fail("config", error.to_string(), help)
         }
-    })?;
-    Ok(config.cloned().unwrap_or_default())
+    });
+    config.cloned().unwrap_or_default()
 }
 
 /// The results so far. Prints each line as soon as its result is known.
 struct DoctorReport {
     json: bool,
     results: Vec<CheckResult>,
+    printed: Result<(), Failure>,
 }
 
 impl DoctorReport {
-    fn add(&mut self, result: CheckResult) -> Result<(), Failure> {
-        if !self.json {
-            print(&result.line())?;
+    fn add(&mut self, result: CheckResult) {
+        if !self.json && self.printed.is_ok() {
+            self.printed = print(&result.line());
         }
         self.results.push(result);
-        Ok(())
     }
 
     fn end(self) -> Result<Exit, Failure> {
+        self.printed?;
         if self.json {
-            print(&format!("{}\n", serde_json::json!(self.results)))?;
+            print_json(&self.results)?;
         }
         let failed = |result: &CheckResult| result.verdict == Verdict::Fail;
         Ok(if self.results.iter().any(failed) {

@@ -6,19 +6,18 @@ use bytes::Bytes;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use super::{CheckResult, DoctorReport};
-use crate::cli::embedded::Simulated;
+use super::{CheckResult, DoctorReport, Verdict};
+use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
-use crate::cli::robot::send_home_if_low;
-use crate::cli::robot_target::ChosenRobot;
-use crate::cli::startup::is_stopped;
-use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
+use crate::cli::robot::{RobotSession, video};
+use crate::cli::status::charge;
+use crate::cli::{ConnectionArgs, Exit, Failure, block_on};
 use crate::config::{Config, Effective};
-use crate::link::{self, LinkError, Session, Target, discover};
-use crate::pilot::DELIVERY;
+use crate::link::{self, Executes, Session, Target, discover};
 use crate::robot::Battery;
+use crate::sim;
 use crate::vision::{Camera, Decoder, Paper, pose_from_sheets, validate_markers};
-use crate::wire::{Command, Report, Stream};
+use crate::wire::{Command, Report};
 
 /// Time to listen for replies to discovery.
 const DISCOVERY_PERIOD: Duration = Duration::from_secs(1);
@@ -29,42 +28,47 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 const SLOW: Duration = Duration::from_millis(150);
 /// Questions that measure how fast it executes.
 const QUESTIONS: usize = 8;
-/// How long another message of an answer may take.
-const QUIET: Duration = Duration::from_secs(1);
 /// A robot that needs less time for a command executes it at once, as far as people can tell.
 const AT_ONCE: Duration = Duration::from_millis(20);
 /// Frames per second below which behaviours cannot follow anything.
 const FEW_FRAMES: f64 = 5.0;
 
 /// Runs all checks that need a network, and those of the robot if one is named. Ctrl-C ends them.
-pub(super) async fn examine(
-    place: Option<RobotChoice>,
+pub(super) fn examine(
     connection: &ConnectionArgs,
-    settings: &Effective,
+    mut settings: Effective,
     report: &mut DoctorReport,
 ) -> Result<(), Failure> {
-    let interrupted = interruption()?;
-    let checks = async {
-        report.add(interfaces())?;
-        report.add(discovery().await)?;
-        match place {
-            None => {
-                let help = "name a robot with --robot HOST[:PORT] or in the config; --sim checks a \
-                            simulated one";
-                report.add(CheckResult::warn(
-                    "robot",
-                    "no robot named: not checked",
-                    help,
-                ))
-            }
-            Some(place) => robot(place, connection, settings, report).await,
-        }
+    report.add(interfaces());
+    report.add(interruptible(discovery())?);
+    let Some(chosen) = connection.choose(&mut settings.config)? else {
+        let help = "name a robot with --robot HOST[:PORT] or in the config; --sim checks a \
+                    simulated one";
+        report.add(CheckResult::warn(
+            "robot",
+            "no robot named: not checked",
+            help,
+        ));
+        return Ok(());
     };
-    tokio::select! {
-        biased;
-        () = interrupted => Err(Failure::new(Exit::Interrupted, "interrupted")),
-        done = checks => done,
-    }
+    let login = connection.login.login(&settings)?;
+    let options = sim::Options {
+        login,
+        ..sim::Options::default()
+    };
+    let target = chosen.start(settings.config, options)?;
+    interruptible(robot(&target, report))
+}
+
+fn interruptible<T>(checks: impl Future<Output = T>) -> Result<T, Failure> {
+    block_on(async {
+        let interrupted = interruption()?;
+        tokio::select! {
+            biased;
+            () = interrupted => Err(Failure::new(Exit::Interrupted, "interrupted")),
+            done = checks => Ok(done),
+        }
+    })?
 }
 
 fn interfaces() -> CheckResult {
@@ -106,76 +110,52 @@ async fn discovery() -> CheckResult {
     }
 }
 
-async fn robot(
-    place: RobotChoice,
-    connection: &ConnectionArgs,
-    settings: &Effective,
-    report: &mut DoctorReport,
-) -> Result<(), Failure> {
-    let config = &settings.config;
-    let options = link::Options::default();
-    let login = connection.login.login(settings)?;
-    let chosen = ChosenRobot::from_choice(place)?;
-    let (target, sim) = chosen.start(&login, 0, Simulated::default())?;
-    let reachable = check_reachable(&target, options.connect_timeout).await;
-    let open = reachable.verdict != super::Verdict::Fail;
-    report.add(reachable)?;
+async fn robot(target: &RobotTarget, report: &mut DoctorReport) {
+    let reachable = check_reachable(&target.address).await;
+    let open = reachable.verdict != Verdict::Fail;
+    report.add(reachable);
     if !open {
-        return Ok(());
+        return;
     }
-    let mut session = match link::connect(&target, &login, vec![Command::STOP], &options).await {
+    let mut session = match RobotSession::begin(target).await {
         Ok(session) => session,
         Err(error) => {
             return report.add(CheckResult::fail("login", error.to_string(), error.help()));
         }
     };
-    let who = &session.accepted;
+    let who = &session.link.accepted;
     let docked = if who.docked { "on" } else { "off" };
     let found = format!(
         "{} accepted the login, firmware {}, {docked} its station",
         who.uid, who.firmware
     );
-    report.add(CheckResult::ok("login", found))?;
-    report.add(battery(&session, config))?;
-    let stopped = is_stopped(config, sim.is_some());
-    // In a simulation the world's camera counts, not the config's.
-    let camera = sim.is_none().then_some(config.camera);
-    match check_link(&mut session, config, camera, stopped, report).await {
-        Ok(result) => result?,
-        Err(error) => {
-            return report.add(CheckResult::fail("link", error.to_string(), error.help()));
-        }
+    report.add(CheckResult::ok("login", found));
+    report.add(battery(&session.link, &target.config));
+    let ended = match check_link(&mut session, &target.config, report).await {
+        Ok(()) => session.end().await,
+        lost => lost,
+    };
+    if let Err(failure) = ended {
+        let help = failure.help.unwrap_or_default();
+        report.add(CheckResult::fail("link", failure.what, &help));
     }
-    link::close_gracefully(session.reader, session.writer, DELIVERY).await;
-    Ok(())
 }
 
 async fn check_link(
-    session: &mut Session,
+    session: &mut RobotSession,
     config: &Config,
-    camera: Option<Camera>,
-    stopped: bool,
     report: &mut DoctorReport,
-) -> Result<Result<(), Failure>, LinkError> {
-    if !stopped {
-        send_home_if_low(session, config).await?;
+) -> Result<(), Failure> {
+    report.add(latency(session).await?);
+    report.add(execution_result(execution(session).await?));
+    let (rate, frame) = count_frames(session).await?;
+    report.add(rate);
+    // A simulated robot has its world's camera, not the config's.
+    let frame = if session.simulated { None } else { frame };
+    if let Some(pose) = frame.and_then(|jpeg| camera_pose(&jpeg, config.camera)) {
+        report.add(pose);
     }
-    let latency = latency(session).await?;
-    if let Err(failure) = report.add(latency) {
-        return Ok(Err(failure));
-    }
-    let execution = execution(session).await?;
-    if let Err(failure) = report.add(execution_result(&execution)) {
-        return Ok(Err(failure));
-    }
-    let (video, frame) = video(session).await?;
-    let added = report.add(video);
-    if let (Some(camera), Some(jpeg)) = (camera, frame)
-        && let Some(pose) = camera_pose(&jpeg, camera)
-    {
-        return Ok(added.and_then(|()| report.add(pose)));
-    }
-    Ok(added)
+    Ok(())
 }
 
 /// Compares the config's camera with paper on the floor, if there is any in this picture.
@@ -200,15 +180,12 @@ fn camera_pose(jpeg: &[u8], camera: Camera) -> Option<CheckResult> {
 }
 
 /// Opens one TCP connection and closes it at once: this takes one round trip.
-async fn check_reachable(target: &Target, limit: Duration) -> CheckResult {
+async fn check_reachable(target: &Target) -> CheckResult {
+    let limit = link::Options::default().connect_timeout;
     let began = Instant::now();
     let help = "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots";
-    match timeout(
-        limit,
-        TcpStream::connect((target.host.as_str(), target.port)),
-    )
-    .await
-    {
+    let connecting = TcpStream::connect((target.host.as_str(), target.port));
+    match timeout(limit, connecting).await {
         Ok(Ok(_)) => {
             let took = began.elapsed().as_secs_f64() * 1000.0;
             CheckResult::ok("robot", format!("{target} can be reached, in {took:.1} ms"))
@@ -225,8 +202,7 @@ async fn check_reachable(target: &Target, limit: Duration) -> CheckResult {
 
 fn battery(session: &Session, config: &Config) -> CheckResult {
     let battery = Battery::reported(session.power);
-    let charging = if battery.charging { ", charging" } else { "" };
-    let found = format!("{}{charging}", battery.level());
+    let found = charge(battery);
     let low = |percent| percent <= config.watchdog.low;
     if battery.charging || !battery.percent.is_some_and(low) {
         return CheckResult::ok("battery", found);
@@ -236,18 +212,14 @@ fn battery(session: &Session, config: &Config) -> CheckResult {
 }
 
 /// Measures the time from a request to its reply, including the robot's processing time.
-async fn latency(session: &mut Session) -> Result<CheckResult, LinkError> {
+async fn latency(session: &mut RobotSession) -> Result<CheckResult, Failure> {
     let began = Instant::now();
-    session.writer.write(&[Command::PowerQuery]).await?;
-    loop {
-        let Ok(report) = timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await else {
-            let found = "the robot did not reply to a battery request";
-            let help = "some robots may not reply; check whether frames arrive";
-            return Ok(CheckResult::warn("latency", found, help));
-        };
-        if let Report::Power(_) = report? {
-            break;
-        }
+    session.send(&[Command::PowerQuery]).await?;
+    let answer = |report| matches!(report, Report::Power(_)).then_some(());
+    if session.receive(REPLY_TIMEOUT, answer).await?.is_none() {
+        let found = "the robot did not reply to a battery request";
+        let help = "some robots may not reply; check whether frames arrive";
+        return Ok(CheckResult::warn("latency", found, help));
     }
     let took = began.elapsed();
     let found = format!(
@@ -261,100 +233,78 @@ async fn latency(session: &mut Session) -> Result<CheckResult, LinkError> {
     })
 }
 
-/// Whether the robot's program answers questions, and how fast it executes what it is sent.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) enum Execution {
-    /// It answers none.
-    Silent,
-    /// It answers this one, faster than can be told.
-    AtOnce(Command),
-    /// It answers this one; the number it executes per second.
-    PerSecond(Command, f64),
-}
-
-impl Execution {
-    /// The question that it answers.
-    pub(super) fn question(&self) -> Option<&Command> {
-        match self {
-            Execution::Silent => None,
-            Execution::AtOnce(question) | Execution::PerSecond(question, _) => Some(question),
+/// Whether the robot's program answers questions, and how fast it executes what it is sent. Several
+/// questions at once keep it busy from one answer to the next. Without an answer, the writer then
+/// asks another kind of question.
+pub(super) async fn execution(session: &mut RobotSession) -> Result<Executes, Failure> {
+    let Session { reader, writer, .. } = &mut session.link;
+    for _kind in [Command::PowerQuery, Command::ConfigQuery] {
+        for _ in 0..QUESTIONS {
+            writer.ask(Instant::now())?;
         }
-    }
-}
-
-/// Sends questions all at once: the time from one answer to the next is that of one command. CONFIG
-/// never comes unasked, as POWER does, but may come in several messages.
-pub(super) async fn execution(session: &mut Session) -> Result<Execution, LinkError> {
-    for question in [Command::ConfigQuery, Command::PowerQuery] {
-        let questions = vec![question.clone(); QUESTIONS];
-        session.writer.write(&questions).await?;
-        let mut answers = Vec::new();
+        writer.written().await?;
         let mut until = Instant::now() + REPLY_TIMEOUT;
-        while let Ok(report) = timeout_at(until, session.reader.next()).await {
-            let is_answer = match report? {
-                Report::Config(_) => question == Command::ConfigQuery,
-                Report::Power(_) => question == Command::PowerQuery,
-                _ => false,
-            };
-            if is_answer {
-                answers.push(Instant::now());
-                let is_complete = answers.len().is_multiple_of(QUESTIONS);
-                until = Instant::now() + if is_complete { QUIET } else { REPLY_TIMEOUT };
+        while !writer.is_executed()
+            && let Ok(report) = timeout_at(until, reader.next()).await
+        {
+            let report = report?;
+            writer.answer(&report, Instant::now());
+            if matches!(report, Report::Power(_) | Report::Config(_)) {
+                until = Instant::now() + REPLY_TIMEOUT;
             }
         }
-        let messages_each = (answers.len() / QUESTIONS).max(1);
-        // The first question may have waited for other commands.
-        if let [first, .., last] = answers[(messages_each - 1).min(answers.len())..] {
-            let others = answers.len() / messages_each - 1;
-            let period = (last - first) / others as u32;
-            return Ok(if period < AT_ONCE {
-                Execution::AtOnce(question)
-            } else {
-                Execution::PerSecond(question, 1.0 / period.as_secs_f64())
-            });
+        if let executes @ Executes::Every(_) = writer.executes(Instant::now()) {
+            return Ok(executes);
         }
     }
-    Ok(Execution::Silent)
+    Ok(Executes::NoAnswer)
 }
 
-fn execution_result(execution: &Execution) -> CheckResult {
-    let speed = match execution {
-        Execution::Silent => {
-            let found = "the robot does not say what it has executed";
-            let help = "a stop counts as acknowledged, not as executed, and five commands a second \
-                        are sent";
-            return CheckResult::warn("commands", found, help);
-        }
-        Execution::AtOnce(_) => "at once".to_owned(),
-        Execution::PerSecond(_, rate) => format!("about {rate:.0} a second"),
+/// The number of commands that a robot executes per second which takes so long for one; `None`: at
+/// once, as far as people can tell.
+pub(super) fn per_second(time: Duration) -> Option<f64> {
+    (time >= AT_ONCE).then(|| 1.0 / time.as_secs_f64())
+}
+
+fn execution_result(executes: Executes) -> CheckResult {
+    let Executes::Every(time) = executes else {
+        let found = "the robot does not say what it has executed";
+        let help = "a stop counts as acknowledged, not as executed, and five commands a second are \
+                    sent";
+        return CheckResult::warn("commands", found, help);
+    };
+    let speed = match per_second(time) {
+        None => "at once".to_owned(),
+        Some(rate) => format!("about {rate:.0} a second"),
     };
     let found = format!("the robot executes them {speed}, and says so");
     CheckResult::ok("commands", found)
 }
 
 /// Counts frames; returns an intact one too.
-async fn video(session: &mut Session) -> Result<(CheckResult, Option<Bytes>), LinkError> {
-    let stream = |on| Command::Stream {
-        stream: Stream::Video,
-        on,
-    };
-    session.writer.write(&[stream(true)]).await?;
+async fn count_frames(session: &mut RobotSession) -> Result<(CheckResult, Option<Bytes>), Failure> {
+    session.send(&[video(true)]).await?;
     let mut frames = 0_u32;
     let mut damaged = 0_u32;
     let mut first = None;
     let mut intact = None;
     let until = Instant::now() + VIDEO_PERIOD;
-    while let Ok(report) = timeout_at(until, session.reader.next()).await {
-        if let Report::Video(jpeg) = report? {
-            first.get_or_insert_with(Instant::now);
-            frames += 1;
-            match validate_markers(&jpeg) {
-                Ok(_) => intact = Some(jpeg),
-                Err(_) => damaged += 1,
-            }
+    let frame = |report| match report {
+        Report::Video(jpeg) => Some(jpeg),
+        _ => None,
+    };
+    while let Some(jpeg) = session
+        .receive(until.saturating_duration_since(Instant::now()), frame)
+        .await?
+    {
+        first.get_or_insert_with(Instant::now);
+        frames += 1;
+        match validate_markers(&jpeg) {
+            Ok(_) => intact = Some(jpeg),
+            Err(_) => damaged += 1,
         }
     }
-    session.writer.write(&[stream(false)]).await?;
+    session.send(&[video(false)]).await?;
     let seconds = first
         .map_or(VIDEO_PERIOD, |first| first.elapsed())
         .as_secs_f64();
@@ -377,7 +327,6 @@ fn video_result(frames: u32, damaged: u32, rate: f64) -> CheckResult {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict;
     use super::*;
 
     #[test]

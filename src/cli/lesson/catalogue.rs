@@ -15,27 +15,21 @@ pub(super) struct Lesson {
     pub(super) check: &'static str,
 }
 
+macro_rules! text {
+    ($folder:literal, $file:literal) => {
+        include_str!(concat!("../../../behaviours/lessons/", $folder, "/", $file))
+    };
+}
+
 macro_rules! lesson {
     ($number:literal, $folder:literal, $world:literal) => {
         Lesson {
             number: $number,
             folder: $folder,
             world: $world,
-            readme: include_str!(concat!(
-                "../../../behaviours/lessons/",
-                $folder,
-                "/README.md"
-            )),
-            starter: include_str!(concat!(
-                "../../../behaviours/lessons/",
-                $folder,
-                "/starter.lua"
-            )),
-            check: include_str!(concat!(
-                "../../../behaviours/lessons/",
-                $folder,
-                "/check.lua"
-            )),
+            readme: text!($folder, "README.md"),
+            starter: text!($folder, "starter.lua"),
+            check: text!($folder, "check.lua"),
         }
     };
 }

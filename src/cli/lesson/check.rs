@@ -1,20 +1,20 @@
 //! `spykee lesson check`: runs the lesson's scenarios with the learner's script. Ignores any
 //! config, so that all learners have the same settings.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
-use super::marks::Marks;
-use super::{Console, Exit, Failure, LessonParser, print};
+use super::{Console, Exit, Failure, parse_lesson, print};
+use crate::check::Diagnostic;
 use crate::cli::argument;
 use crate::cli::check::{has_errors, of_source};
-use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, scenario_process};
-use crate::cli::world::parse_png;
+use crate::cli::test::job_pool::{Job, JobPool, JobResult, scenario_process};
 use crate::config::Config;
 use crate::files;
-use crate::scenario::{RunSettings, ScenarioFile};
+use crate::scenario::{Cause, Failure as ScenarioFailure, RunSettings, Scenario, ScenarioFile};
 use crate::script::MAX_SOURCE;
 
 #[derive(Debug, Clone, clap::Args)]
@@ -24,7 +24,7 @@ pub(super) struct CheckArgs {
     file: PathBuf,
 
     /// Lesson to check against [default: the one that the script's first lines name]
-    #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
+    #[arg(long, value_name = "LESSON", value_parser = parse_lesson)]
     lesson: Option<&'static Lesson>,
 
     /// Also show this hint, 1 to 3
@@ -32,7 +32,7 @@ pub(super) struct CheckArgs {
     hint: Option<u8>,
 
     /// Draw the robot's path in the first failed try into this file
-    #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
+    #[arg(long, value_name = "FILE.png", value_parser = argument::png)]
     picture: Option<PathBuf>,
 
     /// Print a JSON object
@@ -43,8 +43,15 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
+    #[command(flatten)]
+    tries: TryArgs,
+}
+
+/// How scripts are tried.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct TryArgs {
     /// Time limit of each try, in seconds of real time; a longer try counts as failed
-    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = argument::seconds(86_400.0))]
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
@@ -58,17 +65,7 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         Some(lesson) => lesson,
         None => lesson_of(&source)?,
     };
-    let tried = marks_of(
-        lesson,
-        &args.file,
-        &source,
-        args.jobs,
-        args.timeout,
-        console,
-    )?;
-    let Some(marks) = tried else {
-        return Ok(Exit::Interrupted);
-    };
+    let marks = marks_of(lesson, &args.file, &source, &args.tries, console)?;
     let feedback = Feedback {
         lesson,
         is_chosen: args.lesson.is_some(),
@@ -85,17 +82,15 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-/// Runs the lesson's scenarios with a script, with this many jobs in parallel and this time limit
-/// for each; `None` if interrupted.
+/// Runs the lesson's scenarios with a script.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     file: &Path,
     source: &[u8],
-    jobs: Option<u16>,
-    timeout: Duration,
+    tries: &TryArgs,
     console: &Console,
-) -> Result<Option<Marks>, Failure> {
-    let scenario_process = scenario_process(timeout)?;
+) -> Result<Marks, Failure> {
+    let scenario_process = scenario_process(tries.timeout)?;
     let scenario_file = scenario_process
         .of_text(lesson.folder, lesson.check)
         .map_err(Failure::internal)?;
@@ -109,13 +104,13 @@ pub(super) fn marks_of(
     let mut marks = Marks::new(scenario_file.scenarios(), diagnostics, cannot_run);
     let stop = settings.stop.clone();
     if !cannot_run {
-        let pool = JobPool::new(jobs, settings, scenario_process);
+        let pool = JobPool::new(tries.jobs, settings, scenario_process);
         run_scenarios(&scenario_file, pool, &mut marks, console)?;
     }
     if stop.is_cancelled() {
-        return Ok(None);
+        return Err(Failure::interrupted());
     }
-    Ok(Some(marks))
+    Ok(marks)
 }
 
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
@@ -169,12 +164,13 @@ fn run_scenarios(
         .iter()
         .flat_map(|scenario| scenario.seeds().map(move |seed| (scenario, seed)))
         .map(|(scenario, seed)| Job {
-            scenario_file: 0,
+            file_number: 0,
+            file: scenario_file,
             scenario,
             seed,
         })
         .collect();
-    pool.run(&[scenario_file], &jobs, |done: JobResult<'_>| {
+    pool.run(&jobs, |done: JobResult<'_>| {
         marks.take(done.job.scenario, done.job.seed, done.result.failure);
         console.status(marks.progress());
     })?;
@@ -198,4 +194,108 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     } else {
         feedback.text()
     })
+}
+
+/// The points of a script: a scenario gives its points only if it passes with every seed.
+pub(super) struct Marks {
+    /// One for each scenario of the lesson.
+    pub(super) marks: Vec<Mark>,
+    pub(super) diagnostics: Vec<Diagnostic>,
+    /// Whether a diagnostic is an error; then no scenario was run.
+    pub(super) cannot_run: bool,
+}
+
+pub(super) struct Mark {
+    pub(super) name: String,
+    pub(super) max_points: u32,
+    /// The failure of each seed; `None` if it passed.
+    tries: BTreeMap<u64, Option<ScenarioFailure>>,
+    pub(super) seeds: usize,
+}
+
+impl Marks {
+    fn new(scenarios: &[Scenario], diagnostics: Vec<Diagnostic>, cannot_run: bool) -> Marks {
+        let mark = |scenario: &Scenario| Mark {
+            name: scenario.name.clone(),
+            max_points: scenario.options.points,
+            tries: BTreeMap::new(),
+            seeds: scenario.seeds().count(),
+        };
+        Marks {
+            marks: scenarios.iter().map(mark).collect(),
+            diagnostics,
+            cannot_run,
+        }
+    }
+
+    fn take(&mut self, scenario: &Scenario, seed: u64, failure: Option<ScenarioFailure>) {
+        let mark = self
+            .marks
+            .iter_mut()
+            .find(|mark| mark.name == scenario.name);
+        if let Some(mark) = mark {
+            mark.tries.insert(seed, failure);
+        }
+    }
+
+    pub(super) fn points(&self) -> u32 {
+        self.marks.iter().map(Mark::points).sum()
+    }
+
+    pub(super) fn max_points(&self) -> u32 {
+        self.marks.iter().map(|mark| mark.max_points).sum()
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        !self.cannot_run && self.marks.iter().all(Mark::passed)
+    }
+
+    /// The first error of the script itself, as opposed to unmet expectations.
+    pub(super) fn script_error(&self) -> Option<&str> {
+        self.marks.iter().find_map(Mark::script_error)
+    }
+
+    fn first_failure(&self) -> Option<&ScenarioFailure> {
+        self.marks.iter().find_map(Mark::failure)
+    }
+
+    /// The progress, such as `12 of 30 tries`.
+    fn progress(&self) -> String {
+        let done: usize = self.marks.iter().map(|mark| mark.tries.len()).sum();
+        let all: usize = self.marks.iter().map(|mark| mark.seeds).sum();
+        format!("{done} of {all} tries")
+    }
+}
+
+impl Mark {
+    pub(super) fn passed(&self) -> bool {
+        self.passes() == self.seeds
+    }
+
+    pub(super) fn points(&self) -> u32 {
+        if self.passed() { self.max_points } else { 0 }
+    }
+
+    pub(super) fn passes(&self) -> usize {
+        self.tries.values().filter(|one| one.is_none()).count()
+    }
+
+    pub(super) fn failed_seeds(&self) -> Vec<u64> {
+        let failed = self.tries.iter().filter(|(_, one)| one.is_some());
+        failed.map(|(seed, _)| *seed).collect()
+    }
+
+    pub(super) fn failure(&self) -> Option<&ScenarioFailure> {
+        self.tries.values().flatten().next()
+    }
+
+    fn script_error(&self) -> Option<&str> {
+        self.tries
+            .values()
+            .flatten()
+            .find_map(|failure| match &failure.cause {
+                Cause::Behaviour(words) => Some(words.as_str()),
+                Cause::Expectation | Cause::Scenario => None,
+            })
+    }
 }

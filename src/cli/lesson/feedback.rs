@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
-use super::marks::{Mark, Marks};
+use super::check::{Mark, Marks};
 use crate::sanitize;
 use crate::scenario::{Cause, Failure};
 
@@ -98,7 +98,7 @@ impl Feedback<'_> {
         let scenario = |mark: &Mark| {
             json!({
                 "name": mark.name, "points": mark.points(), "max_points": mark.max_points,
-                "passed": mark.passed(), "tries": mark.seeds(), "failed_seeds": mark.failed_seeds(),
+                "passed": mark.passed(), "tries": mark.seeds, "failed_seeds": mark.failed_seeds(),
                 "message": mark.failure().map(sentence),
             })
         };
@@ -162,7 +162,7 @@ pub(super) fn sentence(failure: &Failure) -> String {
 fn tries(mark: &Mark) -> String {
     match mark.passes() {
         0 => String::new(),
-        passes => format!(" (It worked in {passes} of {} tries.)", mark.seeds()),
+        passes => format!(" (It worked in {passes} of {} tries.)", mark.seeds),
     }
 }
 

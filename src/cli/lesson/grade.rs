@@ -2,21 +2,15 @@
 
 use std::fs;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
-use super::check::{marks_of, read};
-use super::class::{Learner, learners};
+use super::check::{Marks, TryArgs, marks_of, read};
+use super::class::{Learner, Pair, learners, pairs};
 use super::feedback::sentence;
-use super::marks::Marks;
-use super::similarity::{Pair, pairs};
-use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
-use crate::cli::argument;
+use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
-use crate::cli::test::job_pool::parse_timeout;
-use crate::sanitize;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
@@ -25,7 +19,7 @@ pub(super) struct GradeArgs {
     folder: PathBuf,
 
     /// Lesson to check the scripts against
-    #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
+    #[arg(long, value_name = "LESSON", value_parser = parse_lesson)]
     lesson: &'static Lesson,
 
     /// File with the names of the class, one per line; a name without a script counts as not handed
@@ -41,20 +35,19 @@ pub(super) struct GradeArgs {
     #[arg(long)]
     json: bool,
 
-    /// Time limit of each try, in seconds of real time; a longer try counts as failed
-    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
-    timeout: Duration,
-
-    /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = argument::whole::<u16>(1..=256))]
-    jobs: Option<u16>,
+    #[command(flatten)]
+    tries: TryArgs,
 }
 
 /// The result of one learner.
+#[derive(Default)]
 struct Graded {
     name: String,
     file: Option<PathBuf>,
+    /// The script's text, if it can be read.
+    text: Option<String>,
     points: u32,
+    max_points: u32,
     /// Sentences that say what is missing; empty if nothing is.
     missing: Vec<String>,
 }
@@ -79,19 +72,13 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
     let mut graded = Vec::new();
-    let mut texts = Vec::new();
-    let mut max_points = 0;
     for learner in found {
-        let Some((one, text, points)) = grade(learner, args, console)? else {
-            return Ok(Exit::Interrupted);
-        };
-        max_points = max_points.max(points);
-        graded.push(one);
-        texts.push(text);
+        graded.push(grade(learner, args, console)?);
     }
+    let texts: Vec<Option<String>> = graded.iter_mut().map(|one| one.text.take()).collect();
     let class = Class {
         lesson,
-        max_points,
+        max_points: graded.iter().map(|one| one.max_points).max().unwrap_or(0),
         learners: graded,
         alike: pairs(&texts, lesson.starter),
     };
@@ -116,25 +103,16 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     Ok(names.map(str::to_owned).collect())
 }
 
-/// One learner's result and script text, and the maximum number of points.
-type GradeResult = (Graded, Option<String>, u32);
-
-fn grade(
-    learner: Learner,
-    args: &GradeArgs,
-    console: &Console,
-) -> Result<Option<GradeResult>, Failure> {
+fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded, Failure> {
     let mut graded = Graded {
         name: learner.name,
-        file: None,
-        points: 0,
-        missing: Vec::new(),
+        ..Graded::default()
     };
     let file = match learner.script {
         Ok(file) => file,
         Err(why) => {
-            graded.missing.push(why.to_string());
-            return Ok(Some((graded, None, 0)));
+            graded.missing.push(why);
+            return Ok(graded);
         }
     };
     graded.file = Some(file.clone());
@@ -142,42 +120,27 @@ fn grade(
         Ok(source) => source,
         Err(why) => {
             graded.missing.push(why.what);
-            return Ok(Some((graded, None, 0)));
+            return Ok(graded);
         }
     };
-    let Some(marks) = marks_of(
-        args.lesson,
-        &file,
-        &source,
-        args.jobs,
-        args.timeout,
-        console,
-    )?
-    else {
-        return Ok(None);
-    };
+    let marks = marks_of(args.lesson, &file, &source, &args.tries, console)?;
     graded.points = marks.points();
+    graded.max_points = marks.max_points();
     let text = String::from_utf8_lossy(&source).into_owned();
     graded.missing.extend(args.lesson.other_than_named(&text));
     graded.missing.extend(missing(&marks));
-    Ok(Some((graded, Some(text), marks.max_points())))
+    graded.text = Some(text);
+    Ok(graded)
 }
 
 /// The sentences that say what is missing, each once.
 fn missing(marks: &Marks) -> Vec<String> {
-    let mut sentences: Vec<String> = Vec::new();
     if marks.cannot_run {
-        let first = marks
-            .diagnostics
-            .iter()
-            .map(|found| found.message.clone())
-            .next();
-        sentences.push(format!(
-            "The script cannot run: {}",
-            first.unwrap_or_default()
-        ));
-        return sentences;
+        let first = marks.diagnostics.first();
+        let why = first.map_or("", |found| found.message.as_str());
+        return vec![format!("The script cannot run: {why}")];
     }
+    let mut sentences: Vec<String> = Vec::new();
     for mark in &marks.marks {
         let words = mark.failure().map(sentence);
         sentences.extend(words.filter(|words| !sentences.contains(words)));
@@ -190,23 +153,20 @@ fn missing(marks: &Marks) -> Vec<String> {
 
 impl Class {
     fn text(&self) -> String {
-        let head = [
-            ("NAME", Side::Left),
-            ("POINTS", Side::Right),
-            ("WHAT IS MISSING", Side::Left),
-        ];
         let row = |one: &Graded| {
             let points = match one.file {
-                Some(_) => format!("{}", one.points),
+                Some(_) => one.points.to_string(),
                 None => "-".to_owned(),
             };
             vec![one.name.clone(), points, one.missing.join(" ")]
         };
-        let rows: Vec<Vec<String>> = self.learners.iter().map(row).collect();
         let number = self.lesson.number;
         let title = self.lesson.title();
         let mut text = format!("Lesson {number}, {title}: {} points\n\n", self.max_points);
-        text += &aligned(&head, &rows);
+        text += &aligned(
+            "NAME|>POINTS|WHAT IS MISSING",
+            self.learners.iter().map(row),
+        );
         let absent: Vec<&str> = self
             .learners
             .iter()
@@ -221,7 +181,7 @@ impl Class {
             let percent = (100.0 * pair.similarity).round();
             text += &format!("\nNearly the same text ({percent} %): {one} and {other}\n");
         }
-        sanitize::text(&text, false)
+        text
     }
 
     fn names(&self, pair: &Pair) -> (&str, &str) {

@@ -1,7 +1,7 @@
 //! The prompt. Runs on its own thread, so that a blocked terminal blocks nothing else.
 
 use std::fs::{DirBuilder, OpenOptions};
-use std::io::{self, BufRead, IsTerminal as _, Write};
+use std::io::{self, BufRead, IsTerminal as _, Read as _, Write};
 use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
@@ -255,25 +255,20 @@ impl Prompt {
 /// Reads the next line without its line break, at most `most` bytes of it.
 fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<String> {
     let mut line = Vec::new();
-    loop {
-        let waiting = match from.fill_buf() {
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
-            waiting => waiting?,
-        };
-        let end = waiting.iter().position(|byte| *byte == b'\n');
-        let part = &waiting[..end.unwrap_or(waiting.len())];
-        line.extend_from_slice(&part[..part.len().min(most.saturating_sub(line.len()))]);
-        let over = waiting.is_empty();
-        let used = part.len() + usize::from(end.is_some());
-        from.consume(used);
-        if over && line.is_empty() {
-            return Err(ReadlineError::Eof);
-        }
-        if over || end.is_some() {
-            let line = String::from_utf8_lossy(&line);
-            return Ok(line.trim_end_matches('\r').to_owned());
-        }
+    let read = from
+        .by_ref()
+        .take(most as u64)
+        .read_until(b'\n', &mut line)?;
+    if read == 0 {
+        return Err(ReadlineError::Eof);
     }
+    if line.last() == Some(&b'\n') {
+        line.pop();
+    } else if read == most {
+        from.skip_until(b'\n')?;
+    }
+    let line = String::from_utf8_lossy(&line);
+    Ok(line.trim_end_matches('\r').to_owned())
 }
 
 /// Prints text. Ignores errors: a closed terminal cannot be reported.

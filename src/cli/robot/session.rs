@@ -5,12 +5,12 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::{Instant, timeout_at};
 
-use super::{RobotTarget, TargetArgs};
+use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
-use crate::cli::running::RemoteArgs;
-use crate::cli::running::{find_run, robot_in_use};
+use crate::cli::running::refuse_if_in_use;
+use crate::cli::settings::CommandSettings;
 use crate::cli::startup::is_stopped;
-use crate::cli::{Exit, Failure, block_on};
+use crate::cli::{ConnectionArgs, Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
@@ -29,9 +29,9 @@ const MAX_TEXT: usize = 1 << 20;
 const MAX_MESSAGES: usize = 1000;
 
 /// A session with the robot, which has been told to stop or to search for its station.
-pub(super) struct RobotSession {
-    pub(super) link: Session,
-    pub(super) simulated: bool,
+pub(in crate::cli) struct RobotSession {
+    pub(in crate::cli) link: Session,
+    pub(in crate::cli) simulated: bool,
     pub(super) streams: Streams,
     /// Whether a command was sent that must be acknowledged.
     must_confirm: bool,
@@ -44,10 +44,11 @@ pub(super) struct RobotSession {
 /// The robot cannot be reached, the job fails, or commands are not acknowledged of which one was
 /// sent with [`RobotSession::send_confirmed`].
 pub(super) fn with_session(
-    args: &TargetArgs,
+    connection: &ConnectionArgs,
+    settings: &CommandSettings,
     job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let target = args.resolve(rand::random())?;
+    let target = connection.resolve(settings, rand::random())?;
     block_on(async {
         let mut interrupted = std::pin::pin!(interruption()?);
         let mut session = tokio::select! {
@@ -71,13 +72,12 @@ pub(super) fn with_session(
 /// # Errors
 /// As for [`with_session`], or a run uses the robot.
 pub(super) fn with_exclusive_session(
-    args: &TargetArgs,
+    connection: &ConnectionArgs,
+    settings: &CommandSettings,
     job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    match find_run(&args.settings, &args.connection, &RemoteArgs::default())? {
-        Some(run) => Err(robot_in_use(&run)),
-        None => with_session(args, job),
-    }
+    refuse_if_in_use(connection, settings)?;
+    with_session(connection, settings, job)
 }
 
 /// Sends the commands and sets the last words that the watchdog's rules require after a login.
@@ -86,10 +86,7 @@ pub(super) fn with_exclusive_session(
 ///
 /// # Errors
 /// The link is lost.
-pub(in crate::cli) async fn send_home_if_low(
-    session: &mut Session,
-    config: &Config,
-) -> Result<(), LinkError> {
+async fn send_home_if_low(session: &mut Session, config: &Config) -> Result<(), LinkError> {
     let now = Instant::now();
     let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
     let docked = session.accepted.docked;
@@ -111,21 +108,26 @@ pub(in crate::cli) async fn send_home_if_low(
 }
 
 impl RobotSession {
-    async fn begin(target: &RobotTarget) -> Result<RobotSession, LinkError> {
+    pub(in crate::cli) async fn begin(target: &RobotTarget) -> Result<RobotSession, LinkError> {
         let mut link = target.connect().await?;
         if !is_stopped(&target.config, target.sim.is_some()) {
             send_home_if_low(&mut link, &target.config).await?;
         }
-        Ok(RobotSession {
+        let simulated = target.sim.is_some();
+        Ok(RobotSession::new(link, simulated, target.config.streams))
+    }
+
+    pub(in crate::cli) fn new(link: Session, simulated: bool, streams: Streams) -> RobotSession {
+        RobotSession {
             link,
-            simulated: target.sim.is_some(),
-            streams: target.config.streams,
+            simulated,
+            streams,
             must_confirm: false,
-        })
+        }
     }
 
     /// Disconnects when all commands are confirmed.
-    async fn end(self) -> Result<(), Failure> {
+    pub(in crate::cli) async fn end(self) -> Result<(), Failure> {
         let Session { reader, writer, .. } = self.link;
         match close_gracefully(reader, writer, DELIVERY).await {
             Delivery::NotConfirmed { after } if self.must_confirm => {
@@ -152,7 +154,7 @@ impl RobotSession {
     ///
     /// # Errors
     /// The link is lost.
-    pub(super) async fn send(&mut self, commands: &[Command]) -> Result<(), Failure> {
+    pub(in crate::cli) async fn send(&mut self, commands: &[Command]) -> Result<(), Failure> {
         Ok(self.link.writer.write(commands).await?)
     }
 
@@ -160,7 +162,7 @@ impl RobotSession {
     ///
     /// # Errors
     /// The link is lost.
-    pub(super) async fn receive<T>(
+    pub(in crate::cli) async fn receive<T>(
         &mut self,
         limit: Duration,
         mut pick: impl FnMut(Report) -> Option<T>,

@@ -6,11 +6,10 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::TargetArgs;
 use super::session::{RobotSession, with_exclusive_session};
-use crate::cli::table::{Side, aligned};
-use crate::cli::{Exit, Failure, print};
-use crate::sanitize;
+use crate::cli::settings::CommandSettings;
+use crate::cli::table::aligned;
+use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::wire::{
     Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
 };
@@ -24,34 +23,8 @@ const NETWORK: [&str; 7] = ["wifi", "wlan", "essid", "ssid", "wep", "wpa", "chan
 /// Maximum length of a key and its value, characters.
 const MAX_VALUE: usize = 255;
 
-/// Print the robot's settings, or change them with --set
-///
-/// The settings are not documented. Only settings that the robot lists itself can be changed, and a
-/// wrong value may leave it unreachable. Keys and passwords are shown as ***.
 #[derive(Debug, Clone, clap::Args)]
-#[command(
-    after_help = "Examples:\n  spykee robot config --robot 172.17.6.1 --json\n  \
-                        spykee robot config --set name=Anna --robot 172.17.6.1"
-)]
-pub(super) struct ConfigArgs {
-    #[command(flatten)]
-    pub(super) change: ChangeArgs,
-}
-
-/// List the wireless networks that the robot sees, and its own network settings
-///
-/// How to make the robot join a network is not documented; --set changes network settings that the
-/// robot lists itself. A wrong value may leave it unreachable until it is reset.
-#[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee robot wifi --robot 172.17.6.1")]
-pub(super) struct WifiArgs {
-    #[command(flatten)]
-    pub(super) change: ChangeArgs,
-}
-
-/// Options for changing settings.
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ChangeArgs {
+pub(super) struct SettingArgs {
     /// Change a setting, after a typed confirmation; KEY=@FILE reads the value from the first line
     /// of a file; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
@@ -63,19 +36,15 @@ pub(super) struct ChangeArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) target: TargetArgs,
+    connection: ConnectionArgs,
 }
 
-pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
-    let args = &args.change;
+pub(super) fn config(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, Failure> {
     let wanted = wanted(args)?;
-    with_exclusive_session(&args.target, async |session| {
-        let mut settings = settings(session).await?;
-        if !wanted.is_empty() {
-            settings = change(session, args, &settings, &wanted).await?;
-        }
+    with_exclusive_session(&args.connection, used, async |session| {
+        let settings = change(session, args, &wanted, |_| true).await?;
         if args.json {
-            print(&format!("{}\n", Value::Object(object(&settings))))?
+            print_json(&object(&settings))?
         } else {
             print(&table(&settings))?
         }
@@ -83,8 +52,7 @@ pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
     })
 }
 
-pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
-    let args = &args.change;
+pub(super) fn wifi(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, Failure> {
     let wanted = wanted(args)?;
     if let Some(other) = wanted.iter().find(|wanted| !concerns_network(&wanted.key)) {
         let what = format_args!("{} is not a network setting", other.key);
@@ -92,13 +60,8 @@ pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
             Failure::usage(what).help("change other settings with `spykee robot config --set`")
         );
     }
-    with_exclusive_session(&args.target, async |session| {
-        let mut own = settings(session).await?;
-        own.retain(|setting| concerns_network(&setting.key));
-        if !wanted.is_empty() {
-            own = change(session, args, &own, &wanted).await?;
-            own.retain(|setting| concerns_network(&setting.key));
-        }
+    with_exclusive_session(&args.connection, used, async |session| {
+        let own = change(session, args, &wanted, concerns_network).await?;
         let pick = |report| match report {
             Report::Networks(text) => Some(text),
             _ => None,
@@ -120,20 +83,14 @@ fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<()
             })
         };
         let networks: Vec<Value> = networks.iter().map(network).collect();
-        let object = json!({ "networks": networks, "settings": object(own) });
-        return print(&format!("{object}\n"));
+        return print_json(&json!({ "networks": networks, "settings": object(own) }));
     }
     let row = |network: &Network| {
         let strength = network.strength.map_or("-".to_owned(), |s| s.to_string());
         vec![network.essid.clone(), network.encryption.clone(), strength]
     };
-    let rows: Vec<_> = networks.iter().map(row).collect();
-    let head = [
-        ("NETWORK", Side::Left),
-        ("ENCRYPTION", Side::Left),
-        ("STRENGTH", Side::Right),
-    ];
-    print(&format!("{}\n{}", aligned(&head, &rows), table(own)))
+    let networks = aligned("NETWORK|ENCRYPTION|>STRENGTH", networks.iter().map(row));
+    print(&format!("{networks}\n{}", table(own)))
 }
 
 async fn settings(session: &mut RobotSession) -> Result<Vec<Setting>, Failure> {
@@ -147,21 +104,26 @@ async fn settings(session: &mut RobotSession) -> Result<Vec<Setting>, Failure> {
     Ok(parse_settings(&join_settings(&messages)))
 }
 
-/// Checks the changes, asks for confirmation, sends them, and reads the settings back.
+/// The settings whose keys are meant. If some are to be changed: checks the changes, asks for
+/// confirmation, sends them, and reads the settings back.
 async fn change(
     session: &mut RobotSession,
-    args: &ChangeArgs,
-    listed: &[Setting],
+    args: &SettingArgs,
     wanted: &[Setting],
+    is_meant: impl Fn(&str) -> bool,
 ) -> Result<Vec<Setting>, Failure> {
+    let mut listed = settings(session).await?;
+    listed.retain(|setting| is_meant(&setting.key));
+    if wanted.is_empty() {
+        return Ok(listed);
+    }
     if let Some(unknown) = wanted
         .iter()
         .find(|w| !listed.iter().any(|l| l.key == w.key))
     {
         let keys: Vec<&str> = listed.iter().map(|setting| setting.key.as_str()).collect();
         let what = format!("the robot has no such setting: {}", unknown.key);
-        let help = sanitize::text(&format!("it has {}", keys.join(", ")), false);
-        return Err(Failure::usage(what).help(help));
+        return Err(Failure::usage(what).help(format!("it has {}", keys.join(", "))));
     }
     confirm(&session.link.accepted.uid, args, wanted)?;
     let pairs: Vec<String> = wanted
@@ -172,7 +134,8 @@ async fn change(
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     let text = pairs.join("&").chars().map(byte).collect();
     session.send(&[Command::ConfigSet(text)]).await?;
-    let now = settings(session).await?;
+    let mut now = settings(session).await?;
+    now.retain(|setting| is_meant(&setting.key));
     match wanted.iter().find(|wanted| !now.contains(wanted)) {
         None => Ok(now),
         Some(refused) => {
@@ -185,7 +148,7 @@ async fn change(
 }
 
 /// Requires the robot's id, typed by a person at a terminal or given by a script.
-fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failure> {
+fn confirm(uid: &str, args: &SettingArgs, wanted: &[Setting]) -> Result<(), Failure> {
     let typed = match &args.yes_i_mean {
         Some(typed) => typed.clone(),
         None if !std::io::stdin().is_terminal() => {
@@ -196,12 +159,9 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         }
         None => {
             let changes = table(wanted);
-            print(&sanitize::text(
-                &format!(
-                    "This changes the robot {uid}:\n{changes}A wrong setting may leave it \
-                     unreachable. Type its id to continue: "
-                ),
-                false,
+            print(&format!(
+                "This changes the robot {uid}:\n{changes}A wrong setting may leave it unreachable. \
+                 Type its id to continue: "
             ))?;
             let mut line = String::new();
             std::io::stdin()
@@ -220,7 +180,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
 }
 
 /// Parses the `--set` options, before connecting to the robot.
-fn wanted(args: &ChangeArgs) -> Result<Vec<Setting>, Failure> {
+fn wanted(args: &SettingArgs) -> Result<Vec<Setting>, Failure> {
     args.set.iter().map(|text| parse_change(text)).collect()
 }
 
@@ -281,8 +241,7 @@ fn shown(setting: &Setting) -> &str {
 
 fn table(settings: &[Setting]) -> String {
     let row = |setting: &Setting| vec![setting.key.clone(), shown(setting).to_owned()];
-    let rows: Vec<_> = settings.iter().map(row).collect();
-    aligned(&[("SETTING", Side::Left), ("VALUE", Side::Left)], &rows)
+    aligned("SETTING|VALUE", settings.iter().map(row))
 }
 
 fn object(settings: &[Setting]) -> Map<String, Value> {

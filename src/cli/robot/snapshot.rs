@@ -1,16 +1,16 @@
 //! `spykee robot snapshot`: saves one intact picture.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bytes::Bytes;
 use serde_json::json;
 use tokio::time::Instant;
 
-use super::SharedTargetArgs;
 use super::session::{RobotSession, with_session};
-use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
-use crate::cli::{Exit, Failure, argument, print};
+use crate::cli::running::{REPLY_TIMEOUT, SharedTargetArgs, ask, unexpected_reply};
+use crate::cli::settings::CommandSettings;
+use crate::cli::{Exit, Failure, argument, print, print_json};
 use crate::control::{Client, RunRequest, RunResponse};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
@@ -33,7 +33,7 @@ pub(super) struct SnapshotArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
 /// An intact frame, and the number of damaged ones before it.
@@ -43,8 +43,8 @@ pub(in crate::cli) struct Shot {
     damaged: u32,
 }
 
-pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
-    with_picture(&args.target, args.timeout, |shot| {
+pub(super) fn snapshot(args: &SnapshotArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    with_picture(&args.target, settings, args.timeout, |shot| {
         save_and_report(args, shot)
     })
 }
@@ -55,17 +55,15 @@ pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
 /// The config keeps video off, no intact frame arrives within these seconds, or its use fails.
 pub(in crate::cli) fn with_picture(
     target: &SharedTargetArgs,
+    settings: &CommandSettings,
     seconds: u64,
     used: impl FnOnce(&Shot) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(seconds);
-    if let Some(run) = target.find_run()? {
-        return match request_picture(&run, limit)? {
-            Some(shot) => used(&shot),
-            None => Ok(Exit::Interrupted),
-        };
+    if let Some(run) = target.find_run(settings)? {
+        return used(&request_picture(&run, limit)?);
     }
-    with_session(target, async |session| {
+    with_session(&target.connection, settings, async |session| {
         if session.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
@@ -76,87 +74,91 @@ pub(in crate::cli) fn with_picture(
 }
 
 fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
-    save(&args.output, &shot.jpeg)?;
-    let file = args.output.display().to_string();
+    let output = &args.output;
+    std::fs::write(output, &shot.jpeg).map_err(|error| Failure::unwritable(output, error))?;
+    let file = output.display().to_string();
     let bytes = shot.jpeg.len();
     let Size { width, height } = shot.size;
     if args.json {
-        let object = json!({
+        print_json(&json!({
             "file": file, "bytes": bytes, "width": width, "height": height,
             "damaged_frames": shot.damaged,
-        });
-        print(&format!("{object}\n"))?;
+        }))?;
     } else {
         print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))?;
     }
     Ok(Exit::Done)
 }
 
-/// Requests an intact picture from the run that uses the robot; `None` if interrupted.
-fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
-    let until = std::time::Instant::now() + limit;
-    let mut decoder = Decoder::default();
-    let mut damaged = 0;
-    loop {
-        let left = until.saturating_duration_since(std::time::Instant::now());
-        let request = RunRequest::Picture {
-            seconds: Some(left.as_secs_f64().ceil() as u64),
-        };
-        let jpeg = match ask(run, &request, left + REPLY_TIMEOUT)? {
-            None => return Ok(None),
-            Some(RunResponse::Picture { jpeg }) => Bytes::from(jpeg),
-            Some(RunResponse::NoPicture) => return Err(no_picture_in_time(limit, damaged)),
-            Some(_) => return Err(unexpected_reply()),
-        };
-        match decoder.decode(&jpeg).map(|image| image.size()) {
-            Ok(size) => {
-                return Ok(Some(Shot {
-                    jpeg,
-                    size,
-                    damaged,
-                }));
-            }
+/// Looks for an intact frame.
+#[derive(Default)]
+struct Search {
+    decoder: Decoder,
+    damaged: u32,
+}
+
+impl Search {
+    /// A shot of this frame, if it is intact.
+    fn shot(&mut self, jpeg: Bytes) -> Option<Shot> {
+        match self.decoder.decode(&jpeg) {
+            Ok(image) => Some(Shot {
+                size: image.size(),
+                jpeg,
+                damaged: self.damaged,
+            }),
             Err(error) => {
                 tracing::debug!("a damaged frame: {error}");
-                damaged += 1;
+                self.damaged += 1;
+                None
             }
         }
     }
 }
 
-async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Shot, Failure> {
-    let video = |on| Command::Stream {
-        stream: Stream::Video,
-        on,
-    };
+/// Requests an intact picture from the run that uses the robot.
+fn request_picture(run: &Client, limit: Duration) -> Result<Shot, Failure> {
     let until = Instant::now() + limit;
-    let mut decoder = Decoder::default();
-    let mut damaged = 0;
+    let mut search = Search::default();
+    loop {
+        let left = until.saturating_duration_since(Instant::now());
+        let request = RunRequest::Picture {
+            seconds: Some(left.as_secs_f64().ceil() as u64),
+        };
+        let jpeg = match ask(run, &request, left + REPLY_TIMEOUT)? {
+            RunResponse::Picture { jpeg } => Bytes::from(jpeg),
+            RunResponse::NoPicture => return Err(no_picture_in_time(limit, search.damaged)),
+            _ => return Err(unexpected_reply()),
+        };
+        if let Some(shot) = search.shot(jpeg) {
+            return Ok(shot);
+        }
+    }
+}
+
+async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Shot, Failure> {
+    let until = Instant::now() + limit;
+    let mut search = Search::default();
     session.send(&[video(true)]).await?;
-    let shot = loop {
+    loop {
         let left = until.saturating_duration_since(Instant::now());
         let frame = session.receive(left, |report| match report {
             Report::Video(jpeg) => Some(jpeg),
             _ => None,
         });
         let Some(jpeg) = frame.await? else {
-            return Err(no_picture_in_time(limit, damaged));
+            return Err(no_picture_in_time(limit, search.damaged));
         };
-        match decoder.decode(&jpeg) {
-            Ok(image) => break (image.size(), jpeg),
-            Err(error) => {
-                tracing::debug!("a damaged frame: {error}");
-                damaged += 1;
-            }
+        if let Some(shot) = search.shot(jpeg) {
+            session.send(&[video(false)]).await?;
+            return Ok(shot);
         }
-    };
-    session.send(&[video(false)]).await?;
-    let (size, jpeg) = shot;
-    Ok(Shot {
-        jpeg,
-        size,
-        damaged,
-    })
+    }
+}
+
+/// Switches the camera on or off.
+pub(in crate::cli) fn video(on: bool) -> Command {
+    let stream = Stream::Video;
+    Command::Stream { stream, on }
 }
 
 fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
@@ -164,8 +166,4 @@ fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
     let what = format!("no intact frame arrived within {seconds} s; damaged ones: {damaged}");
     Failure::new(Exit::Unreachable, what)
         .help("move the robot closer to this computer, or increase --timeout")
-}
-
-fn save(path: &Path, jpeg: &[u8]) -> Result<(), Failure> {
-    std::fs::write(path, jpeg).map_err(|error| Failure::unwritable(path, error))
 }

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::SharedTargetArgs;
-use crate::cli::driver::drive;
-use crate::cli::running::{ask, unexpected_reply};
-use crate::cli::{Exit, Failure, argument, block_on, print};
+use super::drive_robot;
+use crate::cli::running::{SharedTargetArgs, ask, unexpected_reply};
+use crate::cli::settings::CommandSettings;
+use crate::cli::{Exit, Failure, argument, print, print_json};
 use crate::control::{RunRequest, RunResponse};
 use crate::robot::{DockEnd, DockOutcome, DockPlan};
 
@@ -32,7 +32,7 @@ pub(super) struct DockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
 /// Leave the charging station; refused while the battery is low
@@ -47,95 +47,79 @@ pub(super) struct UndockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
-pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
+pub(super) fn dock(args: &DockArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let plan = DockPlan {
         timeout: Duration::from_secs(args.timeout),
         ..DockPlan::default()
     };
-    if let Some(run) = args.target.find_run()? {
+    if let Some(run) = args.target.find_run(settings)? {
         let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
         let request = RunRequest::Dock {
             seconds: Some(args.timeout),
             retries: None,
         };
-        return match ask(&run, &request, limit)? {
-            None => Ok(Exit::Interrupted),
-            Some(RunResponse::Docked {
-                end,
-                attempts,
-                seconds,
-            }) => {
-                let docked = DockOutcome {
-                    end,
-                    attempts,
-                    took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
-                };
-                show_docked(args.json, docked)?;
-                exit_of(end, run.status.low)
-            }
-            Some(_) => Err(unexpected_reply()),
+        let RunResponse::Docked {
+            end,
+            attempts,
+            seconds,
+        } = ask(&run, &request, limit)?
+        else {
+            return Err(unexpected_reply());
         };
+        let docked = DockOutcome {
+            end,
+            attempts,
+            took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
+        };
+        return show_docked(args.json, docked, run.status.low);
     }
-    let seed = rand::random();
-    let target = args.target.resolve(seed)?;
-    let docking = drive(target.driver_parts(seed)?, async |driver| {
+    drive_robot(&args.target.connection, settings, async |driver| {
         let docked = driver.dock(plan).await?;
-        show_docked(args.json, docked)?;
-        exit_of(docked.end, driver.status().low)
-    });
-    block_on(docking)?
+        show_docked(args.json, docked, driver.status().low)
+    })
 }
 
-fn show_docked(as_json: bool, docked: DockOutcome) -> Result<(), Failure> {
+fn show_docked(as_json: bool, docked: DockOutcome, low: bool) -> Result<Exit, Failure> {
     let end = docked.end;
-    let attempts = docked.attempts;
     let seconds = docked.took.as_secs_f64();
     if as_json {
-        let object = json!({ "end": end.name(), "attempts": attempts, "seconds": seconds });
-        return print(&format!("{object}\n"));
-    }
-    match end {
-        DockEnd::Done => print(&format!(
+        let attempts = docked.attempts;
+        print_json(&json!({ "end": end.name(), "attempts": attempts, "seconds": seconds }))?;
+    } else if end == DockEnd::Done {
+        print(&format!(
             "on its station and charging, after {seconds:.0} s\n"
-        )),
-        _ => Ok(()),
+        ))?;
     }
+    exit_of(end, low)
 }
 
-pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
+pub(super) fn undock(args: &UndockArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(args.timeout);
-    if let Some(run) = args.target.find_run()? {
+    if let Some(run) = args.target.find_run(settings)? {
         let request = RunRequest::Undock {
             seconds: Some(args.timeout),
         };
-        return match ask(&run, &request, limit + SLACK)? {
-            None => Ok(Exit::Interrupted),
-            Some(RunResponse::Undocked { end }) => {
-                show_undocked(args.json, end)?;
-                exit_of(end, run.status.low)
-            }
-            Some(_) => Err(unexpected_reply()),
+        let RunResponse::Undocked { end } = ask(&run, &request, limit + SLACK)? else {
+            return Err(unexpected_reply());
         };
+        return show_undocked(args.json, end, run.status.low);
     }
-    let seed = rand::random();
-    let target = args.target.resolve(seed)?;
-    let undocking = drive(target.driver_parts(seed)?, async |driver| {
+    drive_robot(&args.target.connection, settings, async |driver| {
         let end = driver.undock(limit).await?;
-        show_undocked(args.json, end)?;
-        exit_of(end, driver.status().low)
-    });
-    block_on(undocking)?
+        show_undocked(args.json, end, driver.status().low)
+    })
 }
 
-fn show_undocked(as_json: bool, end: DockEnd) -> Result<(), Failure> {
-    match end {
-        _ if as_json => print(&format!("{}\n", json!({ "end": end.name() }))),
-        DockEnd::Done => print("off its station\n"),
-        _ => Ok(()),
+fn show_undocked(as_json: bool, end: DockEnd, low: bool) -> Result<Exit, Failure> {
+    if as_json {
+        print_json(&json!({ "end": end.name() }))?;
+    } else if end == DockEnd::Done {
+        print("off its station\n")?;
     }
+    exit_of(end, low)
 }
 
 /// The exit code for this end. A robot that already was where it should go is a success.

@@ -7,11 +7,14 @@ use futures_util::future::join_all;
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
-use super::{RobotTarget, SharedTargetArgs, TargetArgs};
+use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
-use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply, uses_robot};
+use crate::cli::running::{
+    REPLY_TIMEOUT, SharedTargetArgs, ask, order, unexpected_reply, uses_robot,
+};
+use crate::cli::settings::CommandSettings;
 use crate::cli::startup::JOURNAL_END;
-use crate::cli::{Exit, Failure, argument, block_on, print};
+use crate::cli::{ConnectionArgs, Exit, Failure, argument, block_on, print};
 use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{
@@ -41,10 +44,10 @@ const KEEP_TIMEOUT: Duration = Duration::from_secs(2);
 /// code is 3 if it has not confirmed it. A run that does not answer is stopped by its guardian.
 ///
 /// Without a run, it logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again,
-/// and exits when the robot's side has acknowledged that. If the robot cannot be reached, or does not
-/// acknowledge within 2 s, retries until --timeout. A signal ends the retries, but not a try that has
-/// connected. While any other program is connected, the robot refuses further logins: that program
-/// must stop it.
+/// and exits when the robot's side has acknowledged that. If the robot cannot be reached, or does
+/// not acknowledge within 2 s, retries until --timeout. A signal ends the retries, but not a try
+/// that has connected. While any other program is connected, the robot refuses further logins: that
+/// program must stop it.
 ///
 /// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
@@ -56,48 +59,49 @@ pub(super) struct StopArgs {
           value_parser = argument::whole::<u64>(1..=600))]
     timeout: u64,
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
-pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
-    let mut args = args.clone();
-    args.target.alone.settings = args.target.settings.or_defaults();
-    if let Some(service) = args.target.find_service()? {
+pub(super) fn stop(args: &StopArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let settings = &settings.or_defaults();
+    if let Some(service) = args.target.find_service(settings)? {
         return stop_service(&service);
     }
-    let target = TargetArgs::clone(&args.target);
+    let connection = &args.target.connection;
     let limit = Duration::from_secs(args.timeout);
-    if target.connection.sim.is_some() {
-        return stop_directly(vec![target], limit);
+    if connection.sim.is_some() {
+        return stop_directly(std::slice::from_ref(connection), settings, limit);
     }
-    let config = target.settings.config()?.clone();
-    let robot = target.connection.robot.as_ref();
+    let config = settings.config()?;
+    let robot = connection.robot.as_ref();
     let chosen = |run: &control::RunStatus| robot.is_none_or(|robot| uses_robot(run, robot));
     let stopped = block_on(async {
         let stopped = control::stop_runs(config.data_folder(), chosen).await;
         let answered = |run: &StoppedRun| matches!(run.answer, StopAnswer::Run { .. });
         if stopped.is_empty() || !stopped.iter().all(answered) {
-            warn_of(&keep_stop(&config).await);
+            warn_of(&keep_stop(config).await);
         }
         stopped
     })?;
     if stopped.is_empty() {
-        return stop_directly(vec![target], limit);
+        return stop_directly(std::slice::from_ref(connection), settings, limit);
     }
     let mut unconfirmed = Vec::new();
     let mut direct = Vec::new();
     for run in &stopped {
-        let told = tell(run)?;
-        unconfirmed.extend(told.unconfirmed);
-        if told.stop_directly {
-            let mut target = target.clone();
-            let status = run.status.as_ref();
-            target.connection.robot = status.and_then(|status| status.target.parse().ok());
-            direct.push(target);
+        match tell(run)? {
+            Told::Stopped => {}
+            Told::NotConfirmed(why) => unconfirmed.push(why),
+            Told::Nothing => {
+                let status = run.status.as_ref();
+                let mut connection = connection.clone();
+                connection.robot = status.and_then(|status| status.target.parse().ok());
+                direct.push(connection);
+            }
         }
     }
     if !direct.is_empty() {
-        stop_directly(direct, limit)?;
+        stop_directly(&direct, settings, limit)?;
     }
     if unconfirmed.is_empty() {
         return Ok(Exit::Done);
@@ -109,64 +113,64 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     ))
 }
 
-/// What remains to be done about a run that was stopped.
-#[derive(Default)]
-struct Told {
-    /// Why the stop is not confirmed.
-    unconfirmed: Option<String>,
-    /// The run ends and has said nothing of the robot: stop it directly, once it accepts the login.
-    stop_directly: bool,
+/// What a run that was stopped has said of its robot.
+enum Told {
+    Stopped,
+    /// With the reason.
+    NotConfirmed(String),
+    /// The run ends: stop the robot directly, once it accepts the login.
+    Nothing,
 }
 
 /// Tells the person how a run has answered.
 fn tell(run: &StoppedRun) -> Result<Told, Failure> {
     let pid = run.pid;
-    let mut told = Told::default();
-    match &run.answer {
-        StopAnswer::Run { outcome, ends } => {
-            warn_of(&outcome.kept);
-            let status = run.status.as_ref();
-            if status.is_some_and(|status| status.low && !status.docked) {
-                tracing::warn!(
-                    "the battery is low: `spykee robot reset-stop`, then `spykee robot dock` sends \
-                     the robot to its station"
-                );
-            }
-            let simulated = status.is_some_and(|status| status.simulated);
-            let words = outcome.confirmation;
-            if *ends && simulated {
-                print("stopped: the simulated robot ends with its run\n")?;
-            } else if words == StopConfirmation::NotConfirmed {
-                told.unconfirmed = Some(format!("process {pid}: {words}"));
-            } else if *ends && words == StopConfirmation::None {
-                tracing::info!("the run that uses the robot ends (process {pid})");
-                told.stop_directly = true;
-            } else {
-                let end = if *ends {
-                    "the run ends"
-                } else {
-                    "the service goes on"
-                };
-                print(&format!("stopped: {words}; {end} (process {pid})\n"))?;
-            }
+    let (outcome, ends) = match &run.answer {
+        StopAnswer::Run { outcome, ends } => (outcome, *ends),
+        StopAnswer::Guardian(guardian::StopAnswer::Written) => {
+            print(&format!(
+                "stopped: the run hangs (process {pid}); its guardian has stopped the robot\n"
+            ))?;
+            return Ok(Told::Stopped);
         }
-        StopAnswer::Guardian(guardian::StopAnswer::Written) => print(&format!(
-            "stopped: the run hangs (process {pid}); its guardian has stopped the robot\n"
-        ))?,
         StopAnswer::Guardian(_) => {
-            told.unconfirmed = Some(format!(
+            return Ok(Told::NotConfirmed(format!(
                 "the run hangs (process {pid}), and its guardian does not reach the robot; it keeps \
                  trying"
-            ));
+            )));
         }
         StopAnswer::Nobody(why) => {
-            told.unconfirmed = Some(format!(
+            return Ok(Told::NotConfirmed(format!(
                 "NOT CONFIRMED: {why}, nor does its guardian (process {pid}). Switch the robot off \
                  by hand if it drives"
-            ));
+            )));
         }
+    };
+    warn_of(&outcome.kept);
+    let status = run.status.as_ref();
+    if status.is_some_and(|status| status.low && !status.docked) {
+        tracing::warn!(
+            "the battery is low: `spykee robot reset-stop`, then `spykee robot dock` sends the \
+             robot to its station"
+        );
     }
-    Ok(told)
+    let words = outcome.confirmation;
+    if ends && status.is_some_and(|status| status.simulated) {
+        print("stopped: the simulated robot ends with its run\n")?;
+    } else if words == StopConfirmation::NotConfirmed {
+        return Ok(Told::NotConfirmed(format!("process {pid}: {words}")));
+    } else if ends && words == StopConfirmation::None {
+        tracing::info!("the run that uses the robot ends (process {pid})");
+        return Ok(Told::Nothing);
+    } else {
+        let end = if ends {
+            "the run ends"
+        } else {
+            "the service goes on"
+        };
+        print(&format!("stopped: {words}; {end} (process {pid})\n"))?;
+    }
+    Ok(Told::Stopped)
 }
 
 fn warn_of(kept: &StopKept) {
@@ -214,10 +218,14 @@ fn journal(config: &Config, bus: &Bus) -> Option<Journal> {
 }
 
 /// Stops robots over connections of our own, at the same time.
-fn stop_directly(targets: Vec<TargetArgs>, limit: Duration) -> Result<Exit, Failure> {
-    let targets: Result<Vec<_>, _> = targets
+fn stop_directly(
+    connections: &[ConnectionArgs],
+    settings: &CommandSettings,
+    limit: Duration,
+) -> Result<Exit, Failure> {
+    let targets: Result<Vec<_>, _> = connections
         .iter()
-        .map(|target| target.resolve(rand::random()))
+        .map(|connection| connection.resolve(settings, rand::random()))
         .collect();
     let targets = targets?;
     block_on(async {
@@ -249,10 +257,9 @@ fn stop_directly(targets: Vec<TargetArgs>, limit: Duration) -> Result<Exit, Fail
 
 /// Presses STOP at a service on another computer.
 fn stop_service(service: &Client) -> Result<Exit, Failure> {
-    let outcome = match ask(service, &RunRequest::Stop, REPLY_TIMEOUT)? {
-        None => return Ok(Exit::Interrupted),
-        Some(RunResponse::Stopped { outcome, .. }) => outcome,
-        Some(_) => return Err(unexpected_reply()),
+    let RunResponse::Stopped { outcome, .. } = ask(service, &RunRequest::Stop, REPLY_TIMEOUT)?
+    else {
+        return Err(unexpected_reply());
     };
     warn_of(&outcome.kept);
     let words = outcome.confirmation;
@@ -322,32 +329,32 @@ async fn try_stop(
 ///
 /// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
 /// person releases it, also in later programs of the same data folder. This releases it in all runs
-/// and services of the data folder, or only in the one that uses the robot of --robot; with --url in
-/// the service there; without any, what an earlier program has left behind in the data folder.
+/// and services of the data folder, or only in the one that uses the robot of --robot; with --url
+/// in the service there; without any, what an earlier program has left behind in the data folder.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot reset-stop")]
 pub(super) struct ResetStopArgs {
     #[command(flatten)]
-    pub(super) target: SharedTargetArgs,
+    target: SharedTargetArgs,
 }
 
-pub(super) fn reset_stop(args: &ResetStopArgs) -> Result<Exit, Failure> {
+pub(super) fn reset_stop(
+    args: &ResetStopArgs,
+    settings: &CommandSettings,
+) -> Result<Exit, Failure> {
     if args.target.connection.sim.is_some() {
         return Err(Failure::usage(
             "--sim starts a new simulated robot, which nobody has stopped",
         ));
     }
-    let config = args.target.settings.config()?;
-    let runs = match args.target.find_service()? {
+    let config = settings.config()?;
+    let runs = match args.target.find_service(settings)? {
         Some(service) => vec![service],
-        None => runs(config.data_folder(), &args.target)?,
+        None => runs(config.data_folder(), &args.target.connection)?,
     };
     for run in &runs {
-        match ask(run, &RunRequest::ResetStop, REPLY_TIMEOUT)? {
-            None => return Ok(Exit::Interrupted),
-            Some(RunResponse::Done) => print("released: the robot may move again\n")?,
-            Some(_) => return Err(unexpected_reply()),
-        }
+        order(run, &RunRequest::ResetStop, REPLY_TIMEOUT)?;
+        print("released: the robot may move again\n")?;
     }
     if runs.is_empty() {
         reset_in_folder(config)?;
@@ -356,12 +363,12 @@ pub(super) fn reset_stop(args: &ResetStopArgs) -> Result<Exit, Failure> {
 }
 
 /// The runs that are to be released.
-fn runs(data: &Path, target: &SharedTargetArgs) -> Result<Vec<Client>, Failure> {
+fn runs(data: &Path, connection: &ConnectionArgs) -> Result<Vec<Client>, Failure> {
     let (mut runs, silent) = block_on(control::runs(data))?;
     if silent > 0 {
         tracing::warn!("a run does not answer: STOP holds there until it is released");
     }
-    if let Some(robot) = &target.connection.robot {
+    if let Some(robot) = &connection.robot {
         runs.retain(|run| uses_robot(&run.status, robot));
     }
     Ok(runs)

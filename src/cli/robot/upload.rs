@@ -6,9 +6,9 @@ use std::time::Duration;
 use bytes::Bytes;
 use serde_json::json;
 
-use super::TargetArgs;
 use super::session::{RobotSession, with_exclusive_session};
-use crate::cli::{Console, Exit, Failure, print};
+use crate::cli::settings::CommandSettings;
+use crate::cli::{ConnectionArgs, Console, Exit, Failure, print, print_json};
 use crate::files;
 use crate::wire::{Command, FileChunk, Report, Sound};
 
@@ -39,13 +39,17 @@ pub(super) struct UploadArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) target: TargetArgs,
+    connection: ConnectionArgs,
 }
 
-pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {
+pub(super) fn upload(
+    args: &UploadArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
     let content = load(&args.file)?;
     let chunks = chunks(&args.slot, &content)?;
-    with_exclusive_session(&args.target, async |session| {
+    with_exclusive_session(&args.connection, settings, async |session| {
         send(session, &chunks, console).await?;
         confirm(session).await?;
         report(args, content.len())?;
@@ -56,7 +60,7 @@ pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failu
 fn load(path: &Path) -> Result<Bytes, Failure> {
     let shown = path.display();
     let content = files::read_beginning(path, MAX_LEN as u64 + 1)
-        .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
+        .map_err(|error| Failure::unreadable(path, error))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
         return Err(failure.help("shorten it, or encode it with fewer kilobits per second"));
@@ -119,8 +123,7 @@ async fn confirm(session: &mut RobotSession) -> Result<(), Failure> {
 fn report(args: &UploadArgs, bytes: usize) -> Result<(), Failure> {
     let slot = &args.slot;
     if args.json {
-        let object = json!({ "slot": slot, "bytes": bytes });
-        return print(&format!("{object}\n"));
+        return print_json(&json!({ "slot": slot, "bytes": bytes }));
     }
     print(&format!(
         "{slot}: {bytes} bytes; the robot has read them. \

@@ -8,11 +8,12 @@ use tokio::signal::unix::Signal;
 use tokio::sync::{mpsc, watch};
 
 use crate::agent::Behaviour;
+use crate::cli::assembly::zone;
 use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
-use crate::cli::schedule::unknown_behaviour;
-use crate::cli::settings::SettingsArgs;
+use crate::cli::config::unknown_behaviour;
+use crate::cli::settings::CommandSettings;
 use crate::cli::{Console, Failure, check, live};
-use crate::clock::{Clock, Zone};
+use crate::clock::Clock;
 use crate::config::{Config, Entry, Idle, Service, Start};
 use crate::live::RunDefinition;
 use crate::service::{IdlePolicy, Reload, ServicePlan};
@@ -31,7 +32,7 @@ pub(super) struct LoadedPlan {
 /// Builds the plan from the config, at the start and at each reload.
 #[derive(Clone)]
 pub(super) struct PlanLoader {
-    pub(super) settings: SettingsArgs,
+    pub(super) settings: CommandSettings,
     /// Whether to check scripts first.
     pub(super) checked: bool,
     pub(super) seed: u64,
@@ -39,8 +40,8 @@ pub(super) struct PlanLoader {
     pub(super) clock: Clock,
     /// The camera of a simulated robot, instead of the config's.
     pub(super) camera: Option<Camera>,
-    /// The time zone to use if the config sets none.
-    pub(super) zone: Zone,
+    /// Whether it runs in virtual time.
+    pub(super) fast: bool,
 }
 
 impl PlanLoader {
@@ -55,7 +56,7 @@ impl PlanLoader {
             watch: false,
             seed: self.seed,
             clock: self.clock,
-            zone: self.zone(config),
+            zone: zone(self.fast, config),
         };
         let LoadedBehaviours {
             behaviours, specs, ..
@@ -65,7 +66,7 @@ impl PlanLoader {
         }
         let names: Vec<String> = specs.iter().map(|one| one.name().to_owned()).collect();
         let table = Timetable {
-            zone: self.zone(config),
+            zone: zone(self.fast, config),
             ..config.timetable()
         };
         if let Some((what, known)) = unknown_behaviour(&table, &names) {
@@ -136,13 +137,6 @@ impl PlanLoader {
         std::future::pending().await
     }
 
-    fn zone(&self, config: &Config) -> Zone {
-        config
-            .time_zone
-            .clone()
-            .unwrap_or_else(|| self.zone.clone())
-    }
-
     fn reload(&self) -> Result<(Config, LoadedPlan), Failure> {
         let loader = PlanLoader {
             settings: self.settings.reloaded(),
@@ -181,20 +175,8 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: [&str; 12] = [
-        "robot",
-        "user",
-        "password_file",
-        "watchdog",
-        "streams",
-        "data",
-        "logging",
-        "journal",
-        "notify",
-        "live",
-        "mqtt",
-        "service",
-    ];
+    const RESTART_KEYS: &str = "robot user password_file watchdog streams data logging journal notify \
+                                live mqtt service";
     let tree = |config: &Config| {
         let mut config = config.clone();
         config.service = Service {
@@ -206,7 +188,7 @@ fn warn_restart_needed(old: &Config, new: &Config) {
     let old = tree(old);
     let new = tree(new);
     let needs_restart = RESTART_KEYS
-        .into_iter()
+        .split(' ')
         .filter(|key| old.get(*key) != new.get(*key));
     let needs_restart: Vec<&str> = needs_restart.collect();
     if !needs_restart.is_empty() {

@@ -7,26 +7,28 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 
-use super::super::Failure;
-use super::super::interrupt::interruption;
-use crate::cli::argument::ArgumentError;
+use crate::cli::Failure;
+use crate::cli::interrupt::interruption;
+use crate::cli::startup::runtime;
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, ScenarioResult};
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(in super::super) struct Job<'a> {
-    pub(in super::super) scenario_file: usize,
-    pub(in super::super) scenario: &'a Scenario,
-    pub(in super::super) seed: u64,
+#[derive(Clone, Copy)]
+pub(in crate::cli) struct Job<'a> {
+    /// The file's number among those that the command was given.
+    pub(in crate::cli) file_number: usize,
+    pub(in crate::cli) file: &'a ScenarioFile,
+    pub(in crate::cli) scenario: &'a Scenario,
+    pub(in crate::cli) seed: u64,
 }
 
-pub(in super::super) struct JobResult<'a> {
-    pub(in super::super) job: Job<'a>,
-    pub(in super::super) result: ScenarioResult,
+pub(in crate::cli) struct JobResult<'a> {
+    pub(in crate::cli) job: Job<'a>,
+    pub(in crate::cli) result: ScenarioResult,
     /// Duration in real time.
-    pub(in super::super) took: Duration,
+    pub(in crate::cli) took: Duration,
 }
 
-pub(in super::super) struct JobPool {
+pub(in crate::cli) struct JobPool {
     threads: usize,
     settings: RunSettings,
     scenario_process: ScenarioProcess,
@@ -34,7 +36,7 @@ pub(in super::super) struct JobPool {
 
 impl JobPool {
     /// Creates a pool with this many threads [default: one per processor].
-    pub(in super::super) fn new(
+    pub(in crate::cli) fn new(
         threads: Option<u16>,
         settings: RunSettings,
         scenario_process: ScenarioProcess,
@@ -48,16 +50,12 @@ impl JobPool {
     }
 
     /// Runs all jobs and calls `take` with each result. Starts no more jobs after an interruption.
-    pub(in super::super) fn run<'a>(
+    pub(in crate::cli) fn run<'a>(
         &self,
-        scenario_files: &[&ScenarioFile],
         jobs: &[Job<'a>],
         mut take: impl FnMut(JobResult<'a>),
     ) -> Result<(), Failure> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(|error| Failure::io("start the runtime", error))?;
+        let runtime = runtime()?;
         let next = AtomicUsize::new(0);
         let (done, mut finished) = mpsc::channel(16);
         thread::scope(|scope| {
@@ -66,7 +64,7 @@ impl JobPool {
                 let next = &next;
                 thread::Builder::new()
                     .name("scenarios".into())
-                    .spawn_scoped(scope, move || self.work(scenario_files, jobs, next, &done))
+                    .spawn_scoped(scope, move || self.work(jobs, next, &done))
                     .map_err(no_simulation)?;
             }
             drop(done);
@@ -94,7 +92,6 @@ impl JobPool {
 
     fn work<'a>(
         &self,
-        scenario_files: &[&ScenarioFile],
         jobs: &[Job<'a>],
         next: &AtomicUsize,
         done: &mpsc::Sender<std::io::Result<JobResult<'a>>>,
@@ -104,10 +101,8 @@ impl JobPool {
                 return;
             }
             let began = Instant::now();
-            let scenario_file = scenario_files[job.scenario_file];
-            let result =
-                self.scenario_process
-                    .run(scenario_file, job.scenario, job.seed, &self.settings);
+            let process = &self.scenario_process;
+            let result = process.run(job.file, job.scenario, job.seed, &self.settings);
             let Some(result) = result.transpose() else {
                 return;
             };
@@ -123,16 +118,9 @@ impl JobPool {
     }
 }
 
-pub(in super::super) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
+pub(in crate::cli) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
     ScenarioProcess::new(timeout)
         .map_err(|error| Failure::io("find this program's own file", error))
-}
-
-pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
-    let seconds = text.parse().ok();
-    let seconds = seconds.filter(|seconds| (0.1..=86_400.0).contains(seconds));
-    let timeout = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    timeout.ok_or(ArgumentError::Timeout)
 }
 
 fn no_simulation(error: std::io::Error) -> Failure {

@@ -16,98 +16,75 @@ use crate::cli::{self, plural};
 use crate::clock::hours;
 use crate::files::Folder;
 use crate::sanitize;
-use crate::scenario::{Failure, Snapshot};
+use crate::scenario::{Failure, ScenarioResult, Snapshot};
 
-struct FileReport {
+/// The results of all runs.
+pub(super) struct Report<'a> {
+    files: Vec<FileReport<'a>>,
+    pictures: PathBuf,
+}
+
+struct FileReport<'a> {
     file: String,
     /// Why its scenarios cannot be run, if they cannot.
     broken: Option<String>,
-    runs: Vec<Run>,
+    runs: Vec<Run<'a>>,
     printed: bool,
 }
 
 /// One scenario with one seed.
-pub(super) struct Run {
-    pub(super) scenario: String,
-    line: u32,
-    pub(super) seed: u64,
-    points: u32,
+struct Run<'a> {
+    job: Job<'a>,
     outcome: Option<Outcome>,
 }
 
-/// Why there is no picture of the robot's path.
-#[derive(Debug, thiserror::Error)]
-#[error("the robot's path could not be drawn in {}: {source}", path.display())]
-struct NotDrawn {
-    path: PathBuf,
-    source: io::Error,
-}
-
 struct Outcome {
-    simulated: Duration,
+    result: ScenarioResult,
+    /// Duration in real time.
     took: Duration,
-    failure: Option<Failure>,
-    lines: Vec<String>,
-    picture: Option<Result<PathBuf, NotDrawn>>,
+    /// The picture of the robot's path in a failed run, or why there is none.
+    picture: Option<Result<PathBuf, String>>,
 }
 
-/// The results of all runs; see the module.
-pub(super) struct Report {
-    files: Vec<FileReport>,
-    pictures: PathBuf,
-}
-
-impl Report {
-    pub(super) fn new(test_files: &[TestFile], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
-        let mut scenario_files = 0;
-        let file_report = |file: &TestFile| {
-            let mut report = FileReport {
+impl<'a> Report<'a> {
+    pub(super) fn new(test_files: &[TestFile], jobs: &[Job<'a>], pictures: PathBuf) -> Report<'a> {
+        let file_report = |(number, file): (usize, &TestFile)| {
+            let own = jobs.iter().filter(|job| job.file_number == number);
+            let run = |job: &Job<'a>| Run {
+                job: *job,
+                outcome: None,
+            };
+            FileReport {
                 file: file.file.display().to_string(),
                 broken: file.scenario_file.as_ref().err().map(ToString::to_string),
-                runs: Vec::new(),
+                runs: own.map(run).collect(),
                 printed: false,
-            };
-            if file.scenario_file.is_ok() {
-                let own = jobs
-                    .iter()
-                    .filter(|job| job.scenario_file == scenario_files);
-                report.runs = own.map(Run::new).collect();
-                scenario_files += 1;
             }
-            report
         };
         Report {
-            files: test_files.iter().map(file_report).collect(),
+            files: test_files.iter().enumerate().map(file_report).collect(),
             pictures,
         }
     }
 
     /// Stores a result, and saves its picture if it failed.
     pub(super) fn take(&mut self, done: JobResult<'_>) {
-        let pictures = self.pictures.clone();
-        let valid = self.files.iter_mut().filter(|file| file.broken.is_none());
-        let Some(file) = valid.into_iter().nth(done.job.scenario_file) else {
+        let Some(file) = self.files.get_mut(done.job.file_number) else {
             return;
         };
-        let is_meant =
-            |run: &&mut Run| run.scenario == done.job.scenario.name && run.seed == done.job.seed;
+        let is_meant = |run: &&mut Run<'_>| {
+            run.job.scenario.name == done.job.scenario.name && run.job.seed == done.job.seed
+        };
         let Some(run) = file.runs.iter_mut().find(is_meant) else {
             return;
         };
-        let failure = done.result.failure;
-        let snapshot = failure
-            .as_ref()
-            .and_then(|failure| failure.snapshot.as_ref());
-        let picture = snapshot.map(|snapshot| {
-            let path = pictures.join(run.picture_name(&file.file));
-            save(snapshot, &pictures, &path).map(|()| path)
-        });
+        let failure = done.result.failure.as_ref();
+        let snapshot = failure.and_then(|failure| failure.snapshot.as_ref());
+        let name = run.picture_name(&file.file);
         run.outcome = Some(Outcome {
-            simulated: done.result.simulated,
+            picture: snapshot.map(|snapshot| save(snapshot, &self.pictures, &name)),
+            result: done.result,
             took: done.took,
-            lines: done.result.lines,
-            failure,
-            picture,
         });
     }
 
@@ -142,7 +119,10 @@ impl Report {
         let all = self.runs().count();
         let failed = self.failures();
         let done = self.outcomes().count();
-        let simulated: Duration = self.outcomes().map(|outcome| outcome.simulated).sum();
+        let simulated: Duration = self
+            .outcomes()
+            .map(|outcome| outcome.result.simulated)
+            .sum();
         let mut text = format!("{} passed", plural(done - failed, "run"));
         if failed > 0 {
             let _ = write!(text, ", {failed} failed");
@@ -183,19 +163,7 @@ impl Report {
         json!({"passed": runs.len() - failed, "failed": failed, "broken": broken, "runs": runs})
     }
 
-    /// For each file: its name, why it cannot be run if it cannot, and its finished runs.
-    pub(super) fn files(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
-        self.files.iter().map(|file| {
-            let finished = file.runs.iter().filter(|run| run.outcome.is_some());
-            (
-                file.file.as_str(),
-                file.broken.as_deref(),
-                finished.collect(),
-            )
-        })
-    }
-
-    fn runs(&self) -> impl Iterator<Item = &Run> {
+    fn runs(&self) -> impl Iterator<Item = &Run<'a>> {
         self.files.iter().flat_map(|file| &file.runs)
     }
 
@@ -204,13 +172,11 @@ impl Report {
     }
 
     fn failures(&self) -> usize {
-        self.outcomes()
-            .filter(|outcome| outcome.failure.is_some())
-            .count()
+        self.runs().filter(|run| run.failure().is_some()).count()
     }
 }
 
-impl FileReport {
+impl FileReport<'_> {
     fn write(&self, text: &mut String) {
         // Writing into a string does not fail.
         let _ = writeln!(text, "{}", sanitize::line(&self.file));
@@ -220,22 +186,24 @@ impl FileReport {
         }
         let mut printed = BTreeSet::new();
         for run in &self.runs {
-            if printed.insert(&run.scenario) {
-                self.write_scenario(&run.scenario, text);
+            if printed.insert(&run.job.scenario.name) {
+                self.write_scenario(&run.job.scenario.name, text);
             }
         }
         text.push('\n');
     }
 
     fn write_scenario(&self, name: &str, text: &mut String) {
-        let of_it = |run: &&Run| run.scenario == name;
-        let runs: Vec<&Run> = self.runs.iter().filter(of_it).collect();
+        let of_it = |run: &&Run<'_>| run.job.scenario.name == name;
+        let runs: Vec<&Run<'_>> = self.runs.iter().filter(of_it).collect();
         let outcomes = || runs.iter().filter_map(|run| run.outcome.as_ref());
-        let simulated: Duration = outcomes().map(|outcome| outcome.simulated).sum();
-        let passed = outcomes().filter(|one| one.failure.is_none()).count();
+        let simulated: Duration = outcomes().map(|outcome| outcome.result.simulated).sum();
+        let passed = outcomes()
+            .filter(|one| one.result.failure.is_none())
+            .count();
         let word = if passed == runs.len() { "ok  " } else { "FAIL" };
         let seeds = match runs.len() {
-            1 => format!("seed {}", runs[0].seed),
+            1 => format!("seed {}", runs[0].job.seed),
             count if passed == count => format!("{count} seeds"),
             count => format!("{passed} of {count} seeds"),
         };
@@ -243,8 +211,8 @@ impl FileReport {
         let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", hours(simulated));
         let mut failed = runs.iter().filter(|run| run.failure().is_some());
         if let Some(first) = failed.next() {
-            first.write_failure(text);
-            let others: Vec<String> = failed.map(|run| run.seed.to_string()).collect();
+            text.push_str(&first.describe());
+            let others: Vec<String> = failed.map(|run| run.job.seed.to_string()).collect();
             if !others.is_empty() {
                 let _ = writeln!(
                     text,
@@ -256,37 +224,16 @@ impl FileReport {
     }
 }
 
-impl Run {
-    fn new(job: &Job<'_>) -> Run {
-        Run {
-            scenario: job.scenario.name.clone(),
-            line: job.scenario.line,
-            seed: job.seed,
-            points: job.scenario.options.points,
-            outcome: None,
-        }
+impl Run<'_> {
+    fn failure(&self) -> Option<&Failure> {
+        self.outcome.as_ref()?.result.failure.as_ref()
     }
 
-    pub(super) fn failure(&self) -> Option<&Failure> {
-        self.outcome.as_ref()?.failure.as_ref()
-    }
-
-    /// Duration in real time.
-    pub(super) fn took(&self) -> Duration {
-        self.outcome
-            .as_ref()
-            .map_or(Duration::ZERO, |outcome| outcome.took)
-    }
-
-    pub(super) fn describe(&self) -> String {
+    /// What is wrong with it; empty if nothing is.
+    fn describe(&self) -> String {
         let mut text = String::new();
-        self.write_failure(&mut text);
-        text
-    }
-
-    fn write_failure(&self, text: &mut String) {
         let (Some(outcome), Some(failure)) = (&self.outcome, self.failure()) else {
-            return;
+            return text;
         };
         let location = failure.location.as_ref();
         let location = location.map_or_else(String::new, |location| format!("{location}: "));
@@ -305,22 +252,22 @@ impl Run {
             }) => writeln!(
                 text,
                 "        with seed {} after {:.1} s: robot at {:.2} {:.2} m, {:.0}°, battery {:.0} %",
-                self.seed,
+                self.job.seed,
                 at.as_secs_f64(),
                 pose.x,
                 pose.y,
                 pose.heading.to_degrees(),
                 battery,
             ),
-            None => writeln!(text, "        with seed {}", self.seed),
+            None => writeln!(text, "        with seed {}", self.job.seed),
         };
-        write_list(text, "        last events:", &failure.recent, |line| {
+        write_list(&mut text, "        last events:", &failure.recent, |line| {
             format!("        {line}")
         });
         write_list(
-            text,
+            &mut text,
             "        output of the scenario:",
-            &outcome.lines,
+            &outcome.result.lines,
             |line| format!("          {}", indented(line, 10)),
         );
         let _ = match &outcome.picture {
@@ -331,6 +278,7 @@ impl Run {
             Some(Err(why)) => writeln!(text, "        {why}"),
             None => Ok(()),
         };
+        text
     }
 
     fn picture_name(&self, file: &str) -> String {
@@ -342,14 +290,16 @@ impl Run {
         format!(
             "{}-{}-{}.png",
             slug(&stem.to_string_lossy()),
-            slug(&self.scenario),
-            self.seed
+            slug(&self.job.scenario.name),
+            self.job.seed
         )
     }
 
     fn json(&self, file: &str) -> Option<Value> {
         let outcome = self.outcome.as_ref()?;
-        let failure = outcome.failure.as_ref().map(|failure| {
+        let result = &outcome.result;
+        let scenario = self.job.scenario;
+        let failure = result.failure.as_ref().map(|failure| {
             let picture = outcome.picture.as_ref().and_then(|kept| kept.as_ref().ok());
             let snapshot = failure.snapshot.as_ref();
             json!({
@@ -365,24 +315,25 @@ impl Run {
             })
         });
         Some(json!({
-            "file": file, "scenario": self.scenario, "line": self.line, "seed": self.seed,
-            "points": self.points, "passed": failure.is_none(),
-            "simulated": outcome.simulated.as_secs_f64(), "seconds": outcome.took.as_secs_f64(),
-            "lines": outcome.lines, "failure": failure,
+            "file": file, "scenario": scenario.name, "line": scenario.line, "seed": self.job.seed,
+            "points": scenario.options.points, "passed": failure.is_none(),
+            "simulated": result.simulated.as_secs_f64(), "seconds": outcome.took.as_secs_f64(),
+            "lines": result.lines, "failure": failure,
         }))
     }
 }
 
 /// Saves a picture, readable only by the user, like all data of the program.
-fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
-    let cannot = |source: io::Error| NotDrawn {
-        path: path.to_owned(),
-        source,
-    };
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    Folder::make(folder)
-        .and_then(|folder| folder.replace(&name, &snapshot.picture))
-        .map_err(cannot)
+fn save(snapshot: &Snapshot, folder: &Path, name: &str) -> Result<PathBuf, String> {
+    let path = folder.join(name);
+    let saved = Folder::make(folder).and_then(|folder| folder.replace(name, &snapshot.picture));
+    match saved {
+        Ok(()) => Ok(path),
+        Err(error) => Err(format!(
+            "the robot's path could not be drawn in {}: {error}",
+            path.display()
+        )),
+    }
 }
 
 fn write_list(text: &mut String, heading: &str, lines: &[String], show: fn(&String) -> String) {
@@ -398,51 +349,51 @@ fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
 }
 
-pub(super) fn junit(report: &Report) -> Result<Vec<u8>, cli::Failure> {
+pub(super) fn junit(report: &Report<'_>) -> Result<Vec<u8>, cli::Failure> {
     write_junit(report).map_err(|error| cli::Failure::io("create the JUnit report", error))
 }
 
-fn write_junit(report: &Report) -> io::Result<Vec<u8>> {
+fn write_junit(report: &Report<'_>) -> io::Result<Vec<u8>> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
     xml.create_element("testsuites")
         .with_attribute(("name", "spykee test"))
         .write_inner_content(|xml| {
-            for (file, broken, runs) in report.files() {
-                write_file(xml, file, broken, &runs)?;
-            }
-            Ok(())
+            report
+                .files
+                .iter()
+                .try_for_each(|file| write_file(xml, file))
         })?;
     let mut bytes = xml.into_inner();
     bytes.push(b'\n');
     Ok(bytes)
 }
 
-fn write_file(
-    xml: &mut Writer<Vec<u8>>,
-    file: &str,
-    broken: Option<&str>,
-    runs: &[&Run],
-) -> io::Result<()> {
-    let failed = runs.iter().filter(|run| run.failure().is_some()).count();
-    let tests = (runs.len() + usize::from(broken.is_some())).to_string();
-    let seconds: f64 = runs.iter().map(|run| run.took().as_secs_f64()).sum();
+fn write_file(xml: &mut Writer<Vec<u8>>, report: &FileReport<'_>) -> io::Result<()> {
+    let file = report.file.as_str();
+    let errors = usize::from(report.broken.is_some());
+    let runs = || {
+        let runs = report.runs.iter();
+        runs.filter_map(|run| Some((run, run.outcome.as_ref()?.took.as_secs_f64())))
+    };
+    let failures = runs().filter(|(run, _)| run.failure().is_some()).count();
+    let seconds: f64 = runs().map(|(_, took)| took).sum();
     xml.create_element("testsuite")
         .with_attribute(("name", sanitize::xml(file).as_str()))
-        .with_attribute(("tests", tests.as_str()))
-        .with_attribute(("failures", failed.to_string().as_str()))
-        .with_attribute(("errors", usize::from(broken.is_some()).to_string().as_str()))
+        .with_attribute(("tests", (runs().count() + errors).to_string().as_str()))
+        .with_attribute(("failures", failures.to_string().as_str()))
+        .with_attribute(("errors", errors.to_string().as_str()))
         .with_attribute(("time", format!("{seconds:.3}").as_str()))
         .write_inner_content(|xml| {
-            if let Some(broken) = broken {
+            if let Some(broken) = &report.broken {
                 write_case(xml, file, "the file", 0.0, Some(("error", broken, broken)))?;
             }
-            for run in runs {
+            for (run, took) in runs() {
                 let words = run.describe();
                 let failure = run.failure();
                 let failure = failure.map(|one| ("failure", one.message.as_str(), words.as_str()));
-                let name = format!("{} (seed {})", run.scenario, run.seed);
-                write_case(xml, file, &name, run.took().as_secs_f64(), failure)?;
+                let name = format!("{} (seed {})", run.job.scenario.name, run.job.seed);
+                write_case(xml, file, &name, took, failure)?;
             }
             Ok(())
         })?;

@@ -1,18 +1,20 @@
 //! What is found out by driving, through the pilot and its watchdog.
 
+use std::net::Shutdown;
 use std::pin::pin;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::watch;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
 
 use super::Walk;
-use super::link_cut::LinkCut;
-use crate::cli::calibrate::{drive_once, ready};
+use crate::cli::calibrate::{drive_once, ready, turn};
 use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
-use crate::pilot::Settings;
-use crate::robot::{MotionEnd, Pictures, Setpoint};
+use crate::link::AcceptedLogin;
+use crate::pilot::{Connector, Settings};
+use crate::robot::{MotionEnd, Pictures};
 use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance};
 
@@ -177,11 +179,6 @@ impl Eyes {
     }
 }
 
-/// A turn on the spot, to the left with positive power.
-fn turn(percent: f64) -> Setpoint {
-    Setpoint::from_percent(-percent, percent).unwrap_or(Setpoint::STOP)
-}
-
 /// Turns it left and right with rising power until its pictures change.
 async fn least_power(
     walk: &mut Walk,
@@ -195,7 +192,7 @@ async fn least_power(
          move.\n",
     )?;
     if !walk.person.agrees("Is there room around it?").await? {
-        walk.unknown(WHAT, "not known: skipped")?;
+        walk.unknown(WHAT, "skipped")?;
         return Ok(None);
     }
     for percent in POWERS.step_by(POWER_STEP) {
@@ -230,13 +227,21 @@ async fn least_power(
     } else {
         "it sends no pictures"
     };
+    ask_least_power(walk, WHAT, why).await
+}
+
+async fn ask_least_power(
+    walk: &mut Walk,
+    what: &'static str,
+    why: &str,
+) -> Result<Option<u8>, Failure> {
     let asks = format!("{why}. At which percentage did it begin to move? Enter: it did not");
     let told = walk.person.types(&asks).await?;
     let told = told.trim_end_matches('%').trim().parse().ok();
     let told = told.filter(|percent| POWERS.contains(percent));
     match told {
-        Some(percent) => walk.asked(WHAT, &format!("{percent} % turns it on the spot"))?,
-        None => walk.unknown(WHAT, &format!("not known: {why}"))?,
+        Some(percent) => walk.asked(what, &format!("{percent} % turns it on the spot"))?,
+        None => walk.unknown(what, why)?,
     }
     Ok(told)
 }
@@ -246,11 +251,11 @@ async fn sag(walk: &mut Walk, driver: &mut Driver) -> Result<(), Failure> {
     const WHAT: &str = "POWER is";
     print("\n6  It turns left and right on the spot, to see whether POWER falls meanwhile.\n")?;
     if !walk.person.agrees("Is there room around it?").await? {
-        return walk.unknown(WHAT, "not known: skipped");
+        return walk.unknown(WHAT, "skipped");
     }
     let level = |driver: &Driver| driver.status().battery.and_then(|battery| battery.percent);
     let Some(mut least) = level(driver) else {
-        return walk.unknown(WHAT, "not known: its level is not known");
+        return walk.unknown(WHAT, "its level is not known");
     };
     for power in [TURNING_POWER, -TURNING_POWER] {
         drive_once(driver, turn(power), TURNING).await?;
@@ -290,43 +295,11 @@ async fn disconnect(
          cut. Then it turns back.\n"
     ))?;
     if !walk.person.agrees("Is there room around it?").await? {
-        return walk.unknown(WHAT, "not known: skipped");
+        return walk.unknown(WHAT, "skipped");
     }
-    ready(driver.status())?;
-    let start = eyes.settled().await;
-    let there = turn(f64::from(power));
-    let began = Instant::now();
-    let driving = async {
-        let motion = driver.run(there, BEFORE_CUT + 2 * CUT);
-        let cutting = async {
-            sleep(BEFORE_CUT).await;
-            cut.cut(CUT);
-        };
-        tokio::join!(motion, cutting).0
-    };
-    let (ended, views) = eyes.watch(driving).await;
-    if ended? != MotionEnd::Disconnected {
-        return walk.unknown(WHAT, "not known: the connection could not be cut");
-    }
-    if timeout(RECONNECTING, driver.connected()).await.is_err() {
-        return walk.unknown(WHAT, "not known: it could not be reached again in time");
-    }
-    let apart = began.elapsed().saturating_sub(BEFORE_CUT);
-    let after = eyes.settled().await;
-    let back = turn(-f64::from(power));
-    let driving = drive_once(driver, back, BEFORE_CUT + apart + FARTHER);
-    let (ended, views_back) = eyes.watch(driving).await;
-    ended?;
-    let drove = match (&start, &after) {
-        // If its pictures have shown no motion, one that does not change tells nothing.
-        (Some(start), Some(after)) if eyes.see_motion => {
-            let there = eyes.moved_until(start, &views, views.len().saturating_sub(1));
-            let likest = eyes.likest(start, after, &views_back);
-            let back = likest.and_then(|number| eyes.moved_until(after, &views_back, number));
-            back.zip(there)
-                .map(|(back, there)| back.saturating_sub(there))
-        }
-        _ => None,
+    let (drove, apart) = match turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
+        Ok(turned) => turned,
+        Err(why) => return walk.unknown(WHAT, why),
     };
     if let Some(drove) = drove {
         let seconds = drove.as_secs_f64();
@@ -341,9 +314,93 @@ async fn disconnect(
     match walk.person.types(asks).await?.as_str() {
         "s" => walk.asked(WHAT, "it stops by itself"),
         "d" => walk.asked(WHAT, "it drives on"),
-        _ => walk.unknown(
-            WHAT,
-            "not known: its pictures do not tell; count on its driving on",
-        ),
+        _ => walk.unknown(WHAT, "its pictures do not tell; count on its driving on"),
+    }
+}
+
+/// Turns, cuts the connection meanwhile, and turns back. Returns for how long it drove without a
+/// connection, if that was seen, and the time until it was stopped; or why it is not known.
+async fn turn_and_cut(
+    driver: &mut Driver,
+    eyes: &mut Eyes,
+    cut: &LinkCut,
+    power: f64,
+) -> Result<Result<(Option<Duration>, Duration), &'static str>, Failure> {
+    ready(driver.status())?;
+    let start = eyes.settled().await;
+    let began = Instant::now();
+    let driving = async {
+        let motion = driver.run(turn(power), BEFORE_CUT + 2 * CUT);
+        let cutting = async {
+            sleep(BEFORE_CUT).await;
+            cut.cut(CUT);
+        };
+        tokio::join!(motion, cutting).0
+    };
+    let (ended, views) = eyes.watch(driving).await;
+    if ended? != MotionEnd::Disconnected {
+        return Ok(Err("the connection could not be cut"));
+    }
+    if timeout(RECONNECTING, driver.connected()).await.is_err() {
+        return Ok(Err("it could not be reached again in time"));
+    }
+    let apart = began.elapsed().saturating_sub(BEFORE_CUT);
+    let after = eyes.settled().await;
+    let driving = drive_once(driver, turn(-power), BEFORE_CUT + apart + FARTHER);
+    let (ended, views_back) = eyes.watch(driving).await;
+    ended?;
+    let drove = match (&start, &after) {
+        // If its pictures have shown no motion, one that does not change tells nothing.
+        (Some(start), Some(after)) if eyes.see_motion => {
+            let there = eyes.moved_until(start, &views, views.len().saturating_sub(1));
+            let likest = eyes.likest(start, after, &views_back);
+            let back = likest.and_then(|number| eyes.moved_until(after, &views_back, number));
+            back.zip(there)
+                .map(|(back, there)| back.saturating_sub(there))
+        }
+        _ => None,
+    };
+    Ok(Ok((drove, apart)))
+}
+
+/// Cuts the link of a pilot as a lost network does, and keeps it cut for a while. The pilot then
+/// owes a stop: it connects as soon as it may, and the guardian does if this program is gone.
+pub(super) struct LinkCut {
+    /// No attempt to connect begins before.
+    until: watch::Sender<Instant>,
+    pub(super) disconnect: Box<dyn Fn() + Send + Sync>,
+}
+
+impl LinkCut {
+    /// A connector that connects as this one does, and what cuts its links.
+    pub(super) fn new(mut connector: Connector) -> (Connector, LinkCut) {
+        let until = watch::Sender::new(Instant::now());
+        let from = until.subscribe();
+        let newest: Arc<Mutex<Option<watch::Receiver<Option<AcceptedLogin>>>>> = Arc::default();
+        let link = newest.clone();
+        let connector: Connector = Box::new(move |supervision| {
+            *newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(supervision.accepted());
+            let begins = *from.borrow();
+            let connecting = connector(supervision);
+            Box::pin(async move {
+                sleep_until(begins).await;
+                connecting.await
+            })
+        });
+        let disconnect = move || {
+            let link = link.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            if let Some(login) = link.and_then(|link| link.borrow().clone()) {
+                // A socket that is closed already is cut.
+                let _ = login.socket.shutdown(Shutdown::Both);
+            }
+        };
+        let disconnect = Box::new(disconnect);
+        (connector, LinkCut { until, disconnect })
+    }
+
+    /// Ends the connection without a word, and allows the next one after this time.
+    fn cut(&self, time: Duration) {
+        self.until.send_replace(Instant::now() + time);
+        (self.disconnect)();
     }
 }

@@ -104,7 +104,7 @@ impl Case {
 
 async fn describe(simulation: &Simulation) -> Description {
     let plan = simulation.plan(Vec::new());
-    let (mut connector, mut cut) = LinkCut::of(plan.connector);
+    let (mut connector, mut cut) = LinkCut::new(plan.connector);
     let moving = Arc::new(Mutex::new(false));
     let seen = moving.clone();
     let sim = simulation.sim().clone();
