@@ -15,8 +15,8 @@ use crate::config::Effective;
 use crate::control::Run;
 use crate::files;
 use crate::mqtt::{self, Account, BrokerCommand, Fleet, FleetError, Found, Presence};
-use crate::side_thread::SideThread;
 use crate::robot::Bus;
+use crate::side_thread::SideThread;
 
 /// Timeout for an agent's reply, which includes loading or ending behaviours.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(15);

@@ -340,10 +340,10 @@ fn pixel(call: &mut Call<'_>) -> NativeResult {
     }
 }
 
-fn convert_point(
-    call: &mut Call<'_>,
-    convert: fn(Camera, f64, f64, Size) -> Option<(f64, f64)>,
-) -> NativeResult {
+/// From two numbers to two others, in a picture of a size; `None` where there are none.
+type Conversion = fn(Camera, f64, f64, Size) -> Option<(f64, f64)>;
+
+fn convert_point(call: &mut Call<'_>, convert: Conversion) -> NativeResult {
     let first = call.args.get(0)?;
     let second = call.args.get(1)?;
     let held = receiver(call)?;
