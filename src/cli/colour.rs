@@ -29,6 +29,12 @@ enum Action {
     Learn(learn::LearnArgs),
 }
 
+impl ColourArgs {
+    pub(super) fn uses_settings(&self) -> bool {
+        matches!(self.action, Action::Find(_))
+    }
+}
+
 pub(super) fn run(
     args: &ColourArgs,
     settings: &CommandSettings,

@@ -50,6 +50,12 @@ struct ShowArgs {
     json: bool,
 }
 
+impl ConfigArgs {
+    pub(super) fn uses_settings(&self) -> bool {
+        !matches!(self.action, Action::Schema)
+    }
+}
+
 /// Shows or checks the settings. Only the test of notification targets reads secrets.
 pub(super) fn run(args: &ConfigArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     match &args.action {

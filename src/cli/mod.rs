@@ -119,16 +119,18 @@ impl Command {
     /// Whether the subcommand uses the settings. The unit's config that `service` names may belong
     /// to another user.
     fn uses_settings(&self) -> bool {
-        !matches!(
-            self,
+        match self {
+            Command::Config(args) => args.uses_settings(),
+            Command::Colour(args) => args.uses_settings(),
             Command::Service(_)
-                | Command::Discover(_)
-                | Command::New(_)
-                | Command::Lesson(_)
-                | Command::Api(_)
-                | Command::Sim(_)
-                | Command::Completions(_)
-        )
+            | Command::Discover(_)
+            | Command::New(_)
+            | Command::Lesson(_)
+            | Command::Api(_)
+            | Command::Sim(_)
+            | Command::Completions(_) => false,
+            _ => true,
+        }
     }
 
     fn run(self, settings: &CommandSettings, console: &Console) -> Result<Exit, Failure> {
