@@ -140,6 +140,8 @@ fn slippery(latency: f64) -> String {
 
 /// The estimate of `robot.pose()` that a script prints at its end.
 struct Estimate {
+    /// All that it believes to have turned, in degrees.
+    turned: f64,
     heading_error: f64,
     error: f64,
     /// The difference from the truth, in degrees and metres.
@@ -163,6 +165,7 @@ impl Estimate {
         let dy = end.y - start.y;
         let there = (dx * cos + dy * sin, dy * cos - dx * sin);
         Estimate {
+            turned: degrees,
             heading_error,
             error,
             heading_off: turned.min(TAU - turned).to_degrees(),
@@ -218,11 +221,13 @@ fn the_pose_is_right_after_a_minute_of_curves() {
         let start = at(1.5, 1.5, 0.0);
         let (told, end) = play("yard", start, A_MINUTE, seed);
         let estimate = Estimate::new(&told, start, end);
-        let turned = estimate.heading_off;
+        let off = estimate.heading_off;
         let way = estimate.off;
+        // It turns round once or twice, always the same way, and each turn adds its part of the error.
+        let turned = estimate.turned.abs();
         assert!(
-            turned < 30.0 && way < 0.8,
-            "seed {seed}: off by {turned} degrees and {way} m"
+            off < 5.0 + 0.07 * turned && way < 0.8,
+            "seed {seed}: off by {off} of {turned} degrees, and by {way} m"
         );
     }
 }
