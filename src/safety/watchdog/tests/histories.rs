@@ -115,13 +115,15 @@ proptest! {
         let mut play = Play::new(&limits);
         play.steps(&history, &mut |_| Ok(()))?;
         let was_moving = play.dog.moving();
-let online = play.known.online;
+        let online = play.known.online;
         let asked = matches!(stop, Stop::Asked);
         if asked && play.known.low {
             // A script may not stop a blind move of the watchdog.
             return Ok(());
         }
-        let asked_home = play.dog.docking.as_ref().is_some_and(|active| !active.forced);
+        // A docking without a caller is the watchdog's own, and goes on.
+        let asked_home = play.dog.docking.as_ref()
+            .is_some_and(|active| !active.forced && !active.callers.is_empty());
         play.handle(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });
