@@ -3,12 +3,14 @@
 #![allow(dead_code, unused_imports)]
 
 pub mod link {
+    mod pace;
     mod send_queue;
 }
 pub mod pilot {
     mod silence;
     mod throttle;
 }
+mod rate_limit;
 pub mod robot;
 pub mod safety;
 pub mod wire;
