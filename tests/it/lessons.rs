@@ -70,6 +70,30 @@ fn every_solution_has_all_points_with_every_seed() {
     }
 }
 
+#[test]
+fn the_lessons_about_the_station_are_right_for_robots_that_leave_it_forward() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours");
+    let world = fs::read_to_string(root.join("worlds/playpen.yaml")).unwrap();
+    let forward = world.replace("station: {", "station: { leaves: forward,");
+    assert_ne!(forward, world);
+    for lesson in ["09-docking", "10-patrol-and-dock"] {
+        let lesson = root.join("lessons").join(lesson);
+        let folder = tempfile::tempdir().unwrap();
+        let check = fs::read_to_string(lesson.join("check.lua")).unwrap();
+        let check = check.replace("world = \"playpen\"", "world = \"forward.yaml\"");
+        assert!(check.contains("forward.yaml"));
+        fs::write(folder.path().join("forward.yaml"), &forward).unwrap();
+        fs::write(folder.path().join("solution_test.lua"), check).unwrap();
+        fs::copy(
+            lesson.join("solution.lua"),
+            folder.path().join("solution.lua"),
+        )
+        .unwrap();
+        let said = run_in(folder.path(), &["test", "."]);
+        assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    }
+}
+
 /// Checks the other solutions of a lesson: right ones have all points; wrong ones do not, and the
 /// check says why. One right and two wrong ones for each change, all of them in `scripts/nightly`.
 fn judges_other_solutions(lesson: &str) {

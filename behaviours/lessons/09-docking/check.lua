@@ -12,12 +12,12 @@ end
 local function leaves(sim)
 	local station = sim:pose()
 	sim:run()
-	expect(sim:wait_until(function() return not sim:docked() end, 30), "It does not leave its station: robot.undock() does that.")
+	expect(sim:wait_until(function() return not sim:docked() end, 30), "It does not leave its station: floor.leave_station() does that.")
 	local away = sim:wait_until(function()
 		local pose = sim:pose()
 		return math.sqrt((pose.x - station.x) ^ 2 + (pose.y - station.y) ^ 2) > 0.75
 	end, 30)
-	expect(away, "It backs off its station, but does not drive half a metre away from it: first it has to turn round.")
+	expect(away, "It leaves its station, but does not drive half a metre away from it: robot.forward(0.5) drives where it faces, and floor.leave_station() turns it to where the way is free.")
 end
 
 local function ends(sim, seconds)

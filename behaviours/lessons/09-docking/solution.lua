@@ -1,8 +1,9 @@
 -- spykee lesson 9: going home
 -- Leaves the station, drives half a metre, goes home, and reports the result.
 
-robot.undock()
-robot.turn(math.rad(180))
+local floor = require("@spykee/floor")
+
+floor.leave_station()
 robot.forward(0.5)
 local ok, code = robot.dock()
 print("docking:", code)

@@ -1,6 +1,8 @@
 -- spykee lesson 10: patrol and dock
 -- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, repeat.
 
+local floor = require("@spykee/floor")
+
 local function photograph(name)
 	local frame = robot.wait_frame(2)
 	if frame then
@@ -9,11 +11,8 @@ local function photograph(name)
 end
 
 local function round()
-	if robot.docked() then
-		if not robot.undock() then
-			return task.wait(5) -- at an unknown level it may have to charge longer
-		end
-		robot.turn(math.rad(180))
+	if robot.docked() and not floor.leave_station() then
+		return task.wait(5) -- at an unknown level it may have to charge longer
 	end
 	for leg = 1, 3 do
 		robot.forward(0.4)

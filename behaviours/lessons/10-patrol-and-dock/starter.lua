@@ -2,8 +2,8 @@
 -- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, repeat.
 -- Here it drives one leg and goes home.
 
-if robot.docked() and robot.undock() then
-	robot.turn(math.rad(180))
-end
+local floor = require("@spykee/floor")
+
+floor.leave_station()
 robot.forward(0.4)
 robot.dock()

@@ -1,4 +1,4 @@
--- wrong: first it has to turn round
+-- wrong: does not drive half a metre away
 robot.undock()
 robot.forward(0.5)
 local ok = robot.dock()
