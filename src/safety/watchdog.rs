@@ -193,8 +193,9 @@ impl Watchdog {
         self.check_place(now);
         self.check_power_silence(now);
         self.continue_docking(now);
-        self.check_recharge(now);
+        // Before the recharge, which waits until nobody is leaving the station.
         self.check_leaving(now);
+        self.check_recharge(now);
         self.sound_alarm(now);
         self.drive(now);
         std::mem::take(&mut self.acts)

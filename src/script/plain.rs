@@ -87,16 +87,19 @@ impl Reader {
     }
 
     fn list(&mut self, table: &LuaTable, length: usize, depth: u32) -> Result<Value, NotPlain> {
-        if self.entries(table)?.len() != length {
-            return Err(NotPlain::Keys);
+        // A list that was filled backwards yields its keys in another order than 1 to n.
+        let mut items = vec![LuaValue::Nil; length.min(MAX_NODES)];
+        for (key, value) in self.entries(table)? {
+            let at = key.as_usize().and_then(|at| at.checked_sub(1));
+            let item = at.and_then(|at| items.get_mut(at));
+            *item.ok_or(NotPlain::Keys)? = value;
         }
         let mut list = Vec::with_capacity(length);
-        for at in 1..=length {
-            let value: LuaValue = table.raw_get(at).map_err(|_| NotPlain::Keys)?;
-            if value.is_nil() {
+        for item in &items {
+            if item.is_nil() {
                 return Err(NotPlain::Keys);
             }
-            list.push(self.value(&value, depth + 1)?);
+            list.push(self.value(item, depth + 1)?);
         }
         Ok(Value::Array(list))
     }

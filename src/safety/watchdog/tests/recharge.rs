@@ -114,3 +114,15 @@ fn if_it_does_not_charge_again_the_alarm_sounds_once_and_it_waits_for_the_next_f
     }
     assert_eq!(sent(&rig.report(power(60))), [LEAVE]);
 }
+
+#[test]
+fn it_leaves_at_once_when_an_undocking_and_the_wait_for_charging_end_together() {
+    let mut rig = Rig::docked(power(21));
+    assert_eq!(sent(&rig.undock(1)), [LEAVE]);
+    rig.handle(DOCKED);
+    // The machine sleeps through both deadlines.
+    rig.now += 130 * SECOND;
+    let acts = rig.dog.poll(rig.now);
+    assert_eq!(sent(&acts), [LEAVE]);
+    assert!(rig.dog.next_deadline().is_none_or(|due| due > rig.now));
+}
