@@ -61,7 +61,7 @@ The data of the service (Debian package).
 /usr/share/spykee/behaviours
 Built-in behaviours, worlds and lessons, and guide/, the chapters of the book (Debian package).
 .TP
-/usr/share/doc/spykee/book/index.html
+/usr/share/spykee/book/index.html
 The book: learn, operate, teach, trust, reference (Debian package).
 "#;
 
