@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, print, settings_page};
 use crate::api::{self, Function, Namespace, Requirement, Type, Value};
 use crate::script::suggestion;
 
@@ -45,10 +45,17 @@ pub(super) fn run(args: &ApiArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// All generated pages of the book.
+fn reference() -> Vec<api::Page> {
+    let mut pages = api::pages();
+    pages.push(settings_page::page());
+    pages
+}
+
 fn write_reference(folder: &Path) -> Result<Exit, Failure> {
     let made = fs::create_dir_all(folder);
     made.map_err(|error| Failure::unwritable(folder, error))?;
-    for page in api::pages() {
+    for page in reference() {
         let path = folder.join(format!("{}.md", page.name));
         let written = fs::write(&path, page.text);
         written.map_err(|error| Failure::unwritable(&path, error))?;
@@ -151,7 +158,7 @@ mod tests {
             .collect();
         found.sort();
         let mut expected = Vec::new();
-        for page in api::pages() {
+        for page in reference() {
             let name = format!("{}.md", page.name);
             let text = fs::read_to_string(Path::new(folder).join(&name)).unwrap_or_default();
             assert!(

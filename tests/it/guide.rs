@@ -36,9 +36,10 @@ impl Chapter {
             .collect()
     }
 
-    /// The indented lines, which are commands, without their comments.
+    /// The indented lines, which are commands, without their comments. Generated pages have none.
     fn commands(&'static self) -> Vec<&'static str> {
-        let prose = self.text.split("```").step_by(2);
+        let text = if self.is_generated() { "" } else { &self.text };
+        let prose = text.split("```").step_by(2);
         let lines = prose.flat_map(str::lines);
         lines
             .filter_map(|line| line.strip_prefix("    "))
@@ -150,6 +151,14 @@ async fn the_patrol_of_the_book_passes_its_scenarios() {
     rig.file("my_patrol_test.lua", scenario);
     let mut run = rig.spykee(&["test"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let shown = chapter("learn/18-scenarios.md").blocks("text");
+    let without_digits = |text: &str| text.replace(|c: char| c.is_ascii_digit(), "");
+    let shown = without_digits(shown[0]);
+    assert!(
+        without_digits(&run.text()).contains(&shown),
+        "{shown}: {}",
+        run.text()
+    );
 }
 
 #[test]
@@ -191,6 +200,12 @@ fn no_chapter_is_long() {
         };
         assert!(lines <= limit, "{}: {lines} lines", chapter.name);
     }
+}
+
+#[test]
+fn the_readme_is_short() {
+    let lines = include_str!("../../README.md").lines().count();
+    assert!(lines <= 180, "{lines} lines");
 }
 
 #[test]

@@ -14,19 +14,24 @@ const README: &str = include_str!("../../../README.md");
 /// Chapters whose indented commands are run, here or in `service.rs`.
 const RUN: &[&str] = &[
     "learn/01-first-script.md",
+    "learn/02-driving.md",
     "learn/08-events.md",
     "learn/12-parameters.md",
     "learn/18-scenarios.md",
     "learn/ready-behaviours.md",
     "operate/journal.md",
     "operate/notifications.md",
+    "operate/run.md",
     "operate/service.md",
     "teach/lessons.md",
     "teach/class.md",
+    "inside/simulator.md",
 ];
 /// Other indented commands, and why they are parsed only.
 const PARSED: &[(&str, &str)] = &[
     ("spykee discover", "asks the whole network"),
+    ("spykee sim living_room", "serves until it is ended"),
+    ("spykee run look.lua", "run with the README's script, below"),
     ("spykee doctor --robot", "asks a person before each step"),
     (
         "spykee run behaviours/hello.lua --robot",
@@ -100,7 +105,10 @@ fn is_known(chapter: &str, command: &str) {
         "spykee" => {
             parse(command);
             let is_listed = PARSED.iter().any(|(begins, _)| command.starts_with(begins));
-            let is_run = RUN.contains(&chapter) || is_listed || chapter == "README.md";
+            let is_run = RUN
+                .iter()
+                .any(|name| super::chapter(name).commands().contains(&command));
+            let is_run = is_run || RUN.contains(&chapter) || is_listed;
             assert!(is_run, "{chapter}: no test runs `{command}`");
         }
         "git" | "cd" | "cargo" | "curl" | "sudo" | "podman" => {}
@@ -116,6 +124,7 @@ fn is_known(chapter: &str, command: &str) {
 fn the_commands_of_the_first_steps_run() {
     for (name, file, key) in [
         ("learn/01-first-script.md", "first.lua", "01"),
+        ("learn/02-driving.md", "driving.lua", "02"),
         ("learn/08-events.md", "listen.lua", "08"),
         ("learn/12-parameters.md", "legs.lua", "12"),
     ] {
@@ -136,8 +145,36 @@ fn the_commands_for_the_ready_behaviours_run() {
     for name in ["patrol.lua", "hello.lua"] {
         std::fs::copy(from.join(name), to.join(name)).unwrap();
     }
-    for command in chapter("learn/ready-behaviours.md").commands() {
-        runs(folder.path(), command, &["--fast", "--for", "20"], 0);
+    for name in ["learn/ready-behaviours.md", "operate/run.md"] {
+        for command in chapter(name).commands() {
+            runs(folder.path(), command, &["--fast", "--for", "20"], 0);
+        }
+    }
+}
+
+#[test]
+fn the_script_of_the_readme_prints_what_the_readme_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let block = |language: &str| {
+        let start = README.split(&format!("```{language}\n")).nth(1).unwrap();
+        start.split("```").next().unwrap()
+    };
+    std::fs::write(folder.path().join("look.lua"), block("lua")).unwrap();
+    let command = readme_commands().find(|one| one.starts_with("spykee run look.lua"));
+    let words = words(command.unwrap());
+    let mut args: Vec<&str> = words[1..].iter().map(String::as_str).collect();
+    args.push("--fast");
+    let ended = run_in(folder.path(), &args);
+    assert_eq!(ended.code, Some(0), "{}", ended.text());
+    let shown = block("text").trim();
+    assert!(ended.text().contains(shown), "{shown}: {}", ended.text());
+}
+
+#[test]
+fn the_commands_for_worlds_run() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in chapter("inside/simulator.md").commands() {
+        runs(folder.path(), command, &[], 0);
     }
 }
 
@@ -240,6 +277,17 @@ fn the_text_names_only_commands_flags_and_scripts_that_exist() {
         }
     }
     assert!(seen > 60, "{seen} commands");
+}
+
+#[test]
+fn the_chapter_on_runs_names_all_flags() {
+    let mut known = BTreeSet::new();
+    let program = spykee::cli::command();
+    flags(program.find_subcommand("run").unwrap(), &mut known);
+    let text = &chapter("operate/run.md").text;
+    for flag in known {
+        assert!(text.contains(&format!("`--{flag}")), "--{flag}");
+    }
 }
 
 #[test]
