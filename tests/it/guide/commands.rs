@@ -21,6 +21,7 @@ const RUN: &[&str] = &[
     "learn/ready-behaviours.md",
     "operate/journal.md",
     "operate/notifications.md",
+    "operate/config.md",
     "operate/run.md",
     "operate/service.md",
     "teach/lessons.md",
@@ -168,6 +169,21 @@ fn the_script_of_the_readme_prints_what_the_readme_shows() {
     assert_eq!(ended.code, Some(0), "{}", ended.text());
     let shown = block("text").trim();
     assert!(ended.text().contains(shown), "{shown}: {}", ended.text());
+}
+
+#[test]
+fn the_commands_for_a_config_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let behaviours = folder.path().join("behaviours");
+    std::fs::create_dir(&behaviours).unwrap();
+    for name in ["patrol.lua", "follow_colour.lua"] {
+        std::fs::write(behaviours.join(name), "").unwrap();
+    }
+    let chapter = chapter("operate/config.md");
+    std::fs::write(folder.path().join("spykee.yaml"), chapter.blocks("yaml")[0]).unwrap();
+    for command in chapter.commands() {
+        runs(folder.path(), command, &[], 0);
+    }
 }
 
 #[test]
