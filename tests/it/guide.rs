@@ -191,6 +191,29 @@ fn every_config_of_the_book_is_read() {
 }
 
 #[test]
+fn every_link_leads_to_a_file() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = root.join("behaviours/guide");
+    let chapters = CHAPTERS.iter();
+    let chapters = chapters.map(|one| (folder.join(&one.name), &one.text[..]));
+    let readme = (root.join("README.md"), include_str!("../../README.md"));
+    let mut seen = 0;
+    for (path, text) in chapters.chain([readme]) {
+        let prose: String = text.split("```").step_by(2).collect();
+        for rest in prose.split("](").skip(1) {
+            let target = rest.split([')', '#']).next().unwrap();
+            if target.is_empty() || target.contains("://") {
+                continue;
+            }
+            seen += 1;
+            let exists = path.parent().unwrap().join(target).exists();
+            assert!(exists, "{}: there is no {target}", path.display());
+        }
+    }
+    assert!(seen > 100, "{seen} links");
+}
+
+#[test]
 fn no_chapter_is_long() {
     for chapter in CHAPTERS.iter() {
         let lines = chapter.text.lines().count();
