@@ -1,4 +1,5 @@
-//! The API as Markdown: the book's reference in `behaviours/guide/reference/`, a page for each namespace.
+//! The API as Markdown: the book's reference in `behaviours/guide/reference/`, a page for each
+//! namespace.
 
 use std::fmt::Write as _;
 
@@ -12,8 +13,8 @@ pub struct Page {
     pub text: String,
 }
 
-/// Objects with a page of their own. Others are on that of the events, the namespace or the object that they belong
-/// to.
+/// Objects with a page of their own. Others are on that of the events, the namespace or the object
+/// that they belong to.
 const OWN_PAGES: [&str; 2] = ["Frame", "Sim"];
 const EVENTS: &str = "events";
 
@@ -24,8 +25,8 @@ pub fn pages() -> Vec<Page> {
     pages.push(events());
     pages.extend(own_objects().map(own_page));
     pages.push(names());
-    let mut list = "# Reference\n\nEvery call, event and table that scripts can use; `spykee api NAME` prints the \
-                    same in a terminal.\n\n"
+    let mut list = "# Reference\n\nEvery call, event and table that scripts can use; \
+                    `spykee api NAME` prints the same in a terminal.\n\n"
         .to_owned();
     for Page { name, text } in &pages {
         let title = text.lines().next().unwrap_or_default();
@@ -62,8 +63,8 @@ fn page_name(namespace: &Namespace) -> &'static str {
     }
 }
 
-/// The page of an object: its own, that of the events if one carries it, or that of the first call which
-/// takes or returns it.
+/// The page of an object: its own, that of the events if one carries it, or that of the first call
+/// which takes or returns it.
 fn home(object: &Object) -> String {
     let own = |object: &Object| object.name.to_lowercase();
     if OWN_PAGES.contains(&object.name) {

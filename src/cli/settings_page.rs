@@ -8,10 +8,11 @@ use crate::api::Page;
 use crate::config;
 
 const BEGINNING: &str = "# All settings\n\n\
-    Every key of a config, from the schema that `spykee config schema` prints for editors. All are optional unless the \
-    table says *required*. [Config](../operate/config.md) explains how a config is found and read, \
+    Every key of a config, from the schema that `spykee config schema` prints for editors. All \
+    are optional unless the table says *required*. [Config](../operate/config.md) explains how a config is found and read, \
     `behaviours/spykee.example.yaml` shows each key in place.\n\n\
-    `behaviours[].file` is the `file` of each entry of the list `behaviours`; NAME stands for a name of your choice.\n\n";
+    `behaviours[].file` is the `file` of each entry of the list `behaviours`; NAME stands for a \
+    name of your choice.\n\n";
 
 /// A setting.
 struct Row {
@@ -28,13 +29,12 @@ pub(super) fn page() -> Page {
     for (name, property) in schema.properties(&schema.0).into_iter().flatten() {
         let mut rows = Vec::new();
         schema.collect(name, property, &property["default"], &mut rows);
-        match rows.as_slice() {
-            [row] if row.key == *name => top.append(&mut rows),
-            _ => {
-                let about = schema.description(property);
-                let _ = writeln!(sections, "## {name}\n\n{about}\n");
-                table(&mut sections, &rows);
-            }
+        if rows.len() == 1 && rows[0].key == *name {
+            top.append(&mut rows);
+        } else {
+            let about = schema.description(property);
+            let _ = writeln!(sections, "## {name}\n\n{about}\n");
+            table(&mut sections, &rows);
         }
     }
     let mut text = BEGINNING.to_owned();
@@ -65,7 +65,8 @@ fn table(text: &mut String, rows: &[Row]) {
 struct Schema(Json);
 
 impl Schema {
-    /// What a value refers to: the definition behind a reference, and the one that is not null of several.
+    /// What a value refers to: the definition behind a reference, and of several the one that is
+    /// not null.
     fn resolve<'a>(&'a self, value: &'a Json) -> &'a Json {
         if let Some(reference) = value["$ref"].as_str() {
             let name = reference.rsplit('/').next().unwrap_or_default();

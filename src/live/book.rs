@@ -97,7 +97,7 @@ pub(super) fn routes() -> Router {
     let book = Arc::new(Book::installed());
     let serve = get(move |uri: Uri| book.clone().serve(uri));
     Router::new()
-        .route("/book", get(async || Redirect::permanent("/book/")))
+        .route("/book", get(|| async { Redirect::permanent("/book/") }))
         .route("/book/", serve.clone())
         .route("/book/{*path}", serve)
 }

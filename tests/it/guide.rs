@@ -1,4 +1,5 @@
-//! The book: every script in it does what its chapter says, every command line and every config is accepted.
+//! The book: every script in it does what its chapter says, every command line and every config is
+//! accepted.
 
 mod commands;
 mod service;
@@ -217,9 +218,10 @@ fn every_link_leads_to_a_file() {
 fn no_chapter_is_long() {
     for chapter in CHAPTERS.iter() {
         let lines = chapter.text.lines().count();
-        let limit = match chapter.is_generated() {
-            true => LONGEST_REFERENCE,
-            false => LONGEST_CHAPTER,
+        let limit = if chapter.is_generated() {
+            LONGEST_REFERENCE
+        } else {
+            LONGEST_CHAPTER
         };
         assert!(lines <= limit, "{}: {lines} lines", chapter.name);
     }

@@ -1,5 +1,5 @@
-//! Every command line of the book and the README: the indented ones are run, or at least parsed; those
-//! in the text name commands, flags and scripts that exist.
+//! Every command line of the book and the README: the indented ones are run, or at least parsed;
+//! those in the text name commands, flags and scripts that exist.
 
 use std::collections::BTreeSet;
 use std::path::Path;
