@@ -63,8 +63,8 @@ fn page_name(namespace: &Namespace) -> &'static str {
     }
 }
 
-/// The page of an object: its own, that of the events if one carries it, or that of the first call
-/// which takes or returns it.
+/// The page of an object: its own, that of the events if one carries it, that of the namespace of
+/// the same name, or that of the first call which takes or returns it.
 fn home(object: &Object) -> String {
     let own = |object: &Object| object.name.to_lowercase();
     if OWN_PAGES.contains(&object.name) {
@@ -73,6 +73,9 @@ fn home(object: &Object) -> String {
     let mut payloads = super::events().filter_map(|event| event.payload);
     if payloads.any(|payload| payload.name == object.name) {
         return EVENTS.to_owned();
+    }
+    if super::namespace(&own(object)).is_some() {
+        return own(object);
     }
     let mut namespaces = super::namespaces().chain(super::modules());
     if let Some(namespace) = namespaces.find(|one| has(one.functions, object.name)) {
@@ -88,7 +91,8 @@ fn has(functions: &[Function], object: &str) -> bool {
     let mut values = functions
         .iter()
         .flat_map(|one| one.parameters.iter().chain(one.returns));
-    values.any(|value| is_or_contains(&value.kind, object))
+    let article = format!("a {object}");
+    values.any(|value| is_or_contains(&value.kind, object) || value.doc.starts_with(&article))
 }
 
 fn is_or_contains(kind: &Type, name: &str) -> bool {
