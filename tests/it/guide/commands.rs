@@ -25,7 +25,7 @@ const RUN: &[&str] = &[
     "operate/run.md",
     "operate/service.md",
     "teach/lessons.md",
-    "teach/class.md",
+    "teach/grading.md",
     "inside/simulator.md",
 ];
 /// Other indented commands, and why they are parsed only.
@@ -216,7 +216,7 @@ fn the_commands_for_a_class_run() {
     std::fs::create_dir(&handed_in).unwrap();
     std::fs::copy(lesson.join("solution.lua"), handed_in.join("Ada.lua")).unwrap();
     std::fs::write(home.path().join("class.txt"), "Ada\nBo\n").unwrap();
-    for command in chapter("teach/class.md").commands() {
+    for command in chapter("teach/grading.md").commands() {
         runs(home.path(), command, &[], 0);
     }
 }
