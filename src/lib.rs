@@ -50,7 +50,7 @@
 //! - **A call for scripts**: its row in the table of the API ([`api`]: name, arguments, bounds,
 //!   results) with an example in `api/examples.luau`, its native in [`script`], and, if the robot
 //!   has to do something, an `Intent` that `pilot/requests.rs` serves. `spykee api`, the editor's
-//!   definitions and the guide's reference come from the table; a native without a row does not load.
+//!   definitions and the book's reference come from the table; a native without a row does not load.
 //! - **A command to the robot**, or **a report of it**: its section in `wire/PROTOCOL.md` with a byte
 //!   vector, its variant of `Command` or `Report` with `parse` and `emit`, what the simulated robot
 //!   does with it or when it sends it. `pilot.rs` handles a report; if a command can move the robot,
@@ -61,7 +61,7 @@
 //!   `Bus` where it happens, and its text in `spykee history`. All listeners then receive it.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`, `solution.lua`
 //!   and `check.lua`, its line in the catalogue of `spykee lesson`, its row in
-//!   `behaviours/lessons/README.md`.
+//!   `behaviours/guide/teach/lessons.md`.
 //!
 //! # Words
 //!

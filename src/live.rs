@@ -10,6 +10,7 @@
 //! not a setpoint but an emergency stop: it holds the robot until a person releases it.
 
 mod api;
+mod book;
 mod broadcast;
 mod connection;
 mod history;

@@ -59,7 +59,10 @@ The config of the service (Debian package).
 The data of the service (Debian package).
 .TP
 /usr/share/spykee/behaviours
-Built-in behaviours, worlds and lessons, and README.md, the guide to writing scripts (Debian package).
+Built-in behaviours, worlds and lessons, and guide/, the chapters of the book (Debian package).
+.TP
+/usr/share/spykee/book/index.html
+The book: learn, operate, teach, trust, reference (Debian package).
 "#;
 
 fn main() -> io::Result<()> {

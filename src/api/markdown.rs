@@ -1,29 +1,109 @@
-//! The API as Markdown, for the reference in `behaviours/README.md`.
+//! The API as Markdown: the book's reference in `behaviours/guide/reference/`, a page for each
+//! namespace.
 
 use std::fmt::Write as _;
 
 use super::model::{Function, Namespace, Object, Type, Value};
 
-/// Returns the text between the two markers in that file.
-pub fn markdown() -> String {
-    let mut text = String::new();
-    for namespace in super::namespaces() {
-        let Namespace { name, about, .. } = namespace;
-        let _ = if name.is_empty() {
-            writeln!(text, "### {}\n", capital(about))
-        } else {
-            writeln!(text, "### {name}: {about}\n")
-        };
-        constants(&mut text, namespace);
-        each_function(&mut text, namespace.functions);
+/// A page of the reference.
+#[derive(Debug)]
+pub struct Page {
+    /// Its file's name without the extension.
+    pub name: String,
+    pub text: String,
+}
+
+/// Objects with a page of their own. Others are on that of the events, the namespace or the object
+/// that they belong to.
+const OWN_PAGES: [&str; 2] = ["Frame", "Sim"];
+const EVENTS: &str = "events";
+
+/// Returns all pages in their order, the list of them first.
+pub fn pages() -> Vec<Page> {
+    let namespaces = super::namespaces().chain(super::modules());
+    let mut pages: Vec<Page> = namespaces.map(namespace).collect();
+    pages.push(events());
+    pages.extend(own_objects().map(own_page));
+    pages.push(names());
+    let mut list = "# Reference\n\nEvery call, event and table that scripts can use; \
+                    `spykee api NAME` prints the same in a terminal.\n\n"
+        .to_owned();
+    for Page { name, text } in &pages {
+        let title = text.lines().next().unwrap_or_default();
+        let title = title.trim_start_matches("# ");
+        let _ = writeln!(list, "- [{title}]({name}.md)");
     }
-    text += "### Modules\n\n";
-    super::modules().for_each(|one| module(&mut text, one));
-    events(&mut text);
-    text += "### Objects and tables\n\n";
-    super::objects().for_each(|one| object(&mut text, one));
-    names(&mut text);
-    text.trim_end().to_owned() + "\n"
+    pages.insert(0, page("README", list));
+    pages
+}
+
+fn page(name: &str, text: String) -> Page {
+    Page {
+        name: name.to_owned(),
+        text: text.trim_end().to_owned() + "\n",
+    }
+}
+
+fn own_objects() -> impl Iterator<Item = &'static Object> {
+    super::objects().filter(|object| OWN_PAGES.contains(&object.name))
+}
+
+/// The name of a namespace's page.
+fn page_name(namespace: &Namespace) -> &'static str {
+    match namespace.name {
+        "" if namespace
+            .functions
+            .iter()
+            .any(|one| one.path == super::SCENARIO) =>
+        {
+            "scenario"
+        }
+        "" => "globals",
+        name => name,
+    }
+}
+
+/// The page of an object: its own, that of the events if one carries it, that of the namespace of
+/// the same name, or that of the first call which takes or returns it.
+fn home(object: &Object) -> String {
+    let own = |object: &Object| object.name.to_lowercase();
+    if OWN_PAGES.contains(&object.name) {
+        return own(object);
+    }
+    let mut payloads = super::events().filter_map(|event| event.payload);
+    if payloads.any(|payload| payload.name == object.name) {
+        return EVENTS.to_owned();
+    }
+    if super::namespace(&own(object)).is_some() {
+        return own(object);
+    }
+    let mut namespaces = super::namespaces().chain(super::modules());
+    if let Some(namespace) = namespaces.find(|one| has(one.functions, object.name)) {
+        return page_name(namespace).to_owned();
+    }
+    let mut owners = super::objects().filter(|one| one.name != object.name);
+    let owner = owners.find(|one| has(one.methods, object.name));
+    owner.map_or_else(|| own(object), home)
+}
+
+/// Whether one of these functions takes or returns an object.
+fn has(functions: &[Function], object: &str) -> bool {
+    let mut values = functions
+        .iter()
+        .flat_map(|one| one.parameters.iter().chain(one.returns));
+    let article = format!("a {object}");
+    values.any(|value| is_or_contains(&value.kind, object) || value.doc.starts_with(&article))
+}
+
+fn is_or_contains(kind: &Type, name: &str) -> bool {
+    match kind {
+        Type::Object(object) => {
+            let mut fields = object.fields.iter();
+            object.name == name || fields.any(|field| is_or_contains(&field.kind, name))
+        }
+        Type::List(of) | Type::OneOrMore(of) => is_or_contains(of, name),
+        _ => false,
+    }
 }
 
 fn capital(text: &str) -> String {
@@ -32,12 +112,38 @@ fn capital(text: &str) -> String {
     first.into_iter().chain(letters).collect()
 }
 
-fn module(text: &mut String, module: &Namespace) {
-    let Namespace { name, about, .. } = module;
-    let about = capital(about);
-    let _ = writeln!(text, "#### `require(\"@spykee/{name}\")`\n\n{about}.\n");
-    example(text, module.example());
-    each_function(text, module.functions);
+fn namespace(namespace: &'static Namespace) -> Page {
+    let Namespace { name, about, .. } = namespace;
+    let name_of_page = page_name(namespace);
+    let is_module = super::module(name).is_some();
+    let mut text = match *name {
+        "" => format!("# {}\n\n", capital(about)),
+        name if is_module => format!("# `require(\"@spykee/{name}\")`\n\n{}.\n\n", capital(about)),
+        name => format!("# {name}: {about}\n\n"),
+    };
+    if is_module {
+        example(&mut text, namespace.example());
+    }
+    constants(&mut text, namespace);
+    each_function(&mut text, namespace.functions);
+    objects_of(&mut text, name_of_page);
+    page(name_of_page, text)
+}
+
+/// The objects whose home is this page.
+fn objects_of(text: &mut String, page: &str) {
+    let objects = super::objects().filter(|one| !OWN_PAGES.contains(&one.name));
+    objects
+        .filter(|one| home(one) == page)
+        .for_each(|one| object(text, one, "##"));
+}
+
+fn own_page(own: &'static Object) -> Page {
+    let mut text = String::new();
+    object(&mut text, own, "#");
+    let name = home(own);
+    objects_of(&mut text, &name);
+    page(&name, text)
 }
 
 fn each_function(text: &mut String, functions: &[Function]) {
@@ -46,7 +152,7 @@ fn each_function(text: &mut String, functions: &[Function]) {
 
 fn constants(text: &mut String, namespace: &Namespace) {
     for constant in namespace.constants {
-        let _ = writeln!(text, "#### `{}`\n\n{}\n", constant.path, constant.doc);
+        let _ = writeln!(text, "## `{}`\n\n{}\n", constant.path, constant.doc);
         example(text, constant.example());
     }
 }
@@ -55,7 +161,7 @@ fn function(text: &mut String, function: &Function) {
     let waits = if function.waits { " May wait." } else { "" };
     let _ = writeln!(
         text,
-        "#### `{}`\n\n{}{waits}\n",
+        "## `{}`\n\n{}{waits}\n",
         function.call(),
         function.doc
     );
@@ -112,8 +218,8 @@ fn example(text: &mut String, example: &str) {
     let _ = writeln!(text, "```lua\n{example}\n```\n");
 }
 
-fn events(text: &mut String) {
-    text.push_str("### Events\n\n| event | when | handlers get |\n| --- | --- | --- |\n");
+fn events() -> Page {
+    let mut text = "# Events\n\n| event | when | handlers get |\n| --- | --- | --- |\n".to_owned();
     for event in super::events() {
         let payload = event
             .payload
@@ -121,10 +227,12 @@ fn events(text: &mut String) {
         let _ = writeln!(text, "| `{}` | {} | {payload} |", event.name, event.doc);
     }
     text.push('\n');
+    objects_of(&mut text, EVENTS);
+    page(EVENTS, text)
 }
 
-fn object(text: &mut String, object: &Object) {
-    let _ = writeln!(text, "#### {}\n\n{}\n", object.name, object.doc);
+fn object(text: &mut String, object: &Object, level: &str) {
+    let _ = writeln!(text, "{level} {}\n\n{}\n", object.name, object.doc);
     for field in object.fields {
         let may = if field.is_required() {
             ""
@@ -139,11 +247,11 @@ fn object(text: &mut String, object: &Object) {
     each_function(text, object.methods);
 }
 
-fn names(text: &mut String) {
-    text.push_str("### Names\n\n| kind | names |\n| --- | --- |\n");
+fn names() -> Page {
+    let mut text = "# Names\n\n| kind | names |\n| --- | --- |\n".to_owned();
     for choice in super::choices() {
         let names = (choice.names)().join(", ");
         let _ = writeln!(text, "| {} | {names} |", choice.name);
     }
-    text.push('\n');
+    page("names", text)
 }

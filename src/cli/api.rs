@@ -1,8 +1,11 @@
 //! `spykee api`: the reference of the script API, for people, editors and programs.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+
 use serde_json::{Value as Json, json};
 
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, print, settings_page};
 use crate::api::{self, Function, Namespace, Requirement, Type, Value};
 use crate::script::suggestion;
 
@@ -18,9 +21,10 @@ pub(super) struct ApiArgs {
     #[arg(long, conflicts_with_all = ["name", "markdown", "json"])]
     luau: bool,
 
-    /// Print the reference as Markdown, as in behaviours/README.md
-    #[arg(long, conflicts_with_all = ["name", "json"])]
-    markdown: bool,
+    /// Write the reference of the book into a folder, as Markdown: a page for each namespace, and
+    /// one for the settings
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["name", "json"])]
+    markdown: Option<PathBuf>,
 
     /// Print the whole API as a JSON object
     #[arg(long, conflicts_with = "name")]
@@ -28,14 +32,34 @@ pub(super) struct ApiArgs {
 }
 
 pub(super) fn run(args: &ApiArgs) -> Result<Exit, Failure> {
+    if let Some(folder) = &args.markdown {
+        return write_reference(folder);
+    }
     let text = match &args.name {
         Some(name) => one(name)?,
         None if args.luau => api::luau(),
-        None if args.markdown => api::markdown(),
         None if args.json => format!("{:#}\n", json()),
         None => api::list(),
     };
     print(&text)?;
+    Ok(Exit::Done)
+}
+
+/// All generated pages of the book.
+fn reference() -> Vec<api::Page> {
+    let mut pages = api::pages();
+    pages.push(settings_page::page());
+    pages
+}
+
+fn write_reference(folder: &Path) -> Result<Exit, Failure> {
+    let made = fs::create_dir_all(folder);
+    made.map_err(|error| Failure::unwritable(folder, error))?;
+    for page in reference() {
+        let path = folder.join(format!("{}.md", page.name));
+        let written = fs::write(&path, page.text);
+        written.map_err(|error| Failure::unwritable(&path, error))?;
+    }
     Ok(Exit::Done)
 }
 
@@ -119,4 +143,31 @@ fn value_json(value: &Value) -> Json {
         json["keys"] = json!(values_json(keys));
     }
     json
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reference_of_the_book_is_the_generated_one() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours/guide/reference");
+        let mut found: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        found.sort();
+        let mut expected = Vec::new();
+        for page in reference() {
+            let name = format!("{}.md", page.name);
+            let text = fs::read_to_string(Path::new(folder).join(&name)).unwrap_or_default();
+            assert!(
+                text == page.text,
+                "{name} is not the generated page: spykee api --markdown behaviours/guide/reference"
+            );
+            expected.push(name);
+        }
+        expected.sort();
+        assert_eq!(found, expected);
+    }
 }

@@ -79,8 +79,9 @@ enum Action {
 /// Connects to the broker and carries out the command.
 pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let account = account(settings.load()?)?.ok_or_else(|| {
-        Failure::usage("the config names no broker")
-            .help("add mqtt: { host: broker.local }; see README.md, \"MQTT\"")
+        Failure::usage("the config names no broker").help(
+            "add mqtt: { host: broker.local }; see the book's chapter MQTT and Home Assistant",
+        )
     })?;
     let visit = async {
         let mut fleet = Fleet::connect(account).await.map_err(unreachable)?;

@@ -35,6 +35,7 @@ mod secret;
 mod serve;
 mod service;
 mod settings;
+mod settings_page;
 mod sim;
 mod startup;
 mod status;

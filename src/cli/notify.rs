@@ -86,7 +86,7 @@ fn chosen<'a>(
     if options.targets.is_empty() {
         return Err(Failure::usage("the config names no target to notify").help(
             "add notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
-             see behaviours/README.md",
+             see the book's chapter Notifications",
         ));
     }
     if names.is_empty() {

@@ -42,8 +42,8 @@ struct ServerArgs {
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 
-    /// YAML file of faults to simulate, such as a broken network or a rebooting robot; the README
-    /// lists them
+    /// YAML file of faults to simulate, such as a broken network or a rebooting robot; the book's
+    /// chapter "Broken networks" lists them
     #[arg(long, value_name = "FILE.yaml")]
     faults: Option<PathBuf>,
 
@@ -75,7 +75,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
 
 fn load_faults(path: &Path) -> Result<Vec<Fault>, Failure> {
     Fault::load_list(path).map_err(|error| {
-        Failure::usage(error).help("the README's section on broken networks lists all faults")
+        Failure::usage(error).help("the book's chapter Broken networks lists all faults")
     })
 }
 
@@ -140,7 +140,7 @@ fn status(state: &State) -> String {
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
     /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the
-    /// README lists the keys
+    /// book's chapter "What is not known of the robot" lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }
@@ -151,7 +151,8 @@ impl FirmwareArgs {
             return Ok(Firmware::default());
         };
         Firmware::load(path).map_err(|error| {
-            Failure::usage(error).help("the README's section on firmware lists all keys")
+            Failure::usage(error)
+                .help("the book's chapter What is not known of the robot lists all keys")
         })
     }
 

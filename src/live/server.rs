@@ -13,10 +13,10 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::api;
 use super::broadcast::Broadcast;
 use super::log::Line;
 use super::scripts::RunDefinition;
+use super::{api, book};
 use crate::control::{self, Run};
 use crate::http;
 use crate::http::{Access, AccessError, Options};
@@ -141,6 +141,7 @@ async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext) 
         ))
     });
     let router = routes()
+        .merge(book::routes())
         .merge(http::routes(access.clone()))
         .merge(api::routes(broadcast))
         .merge(requests)

@@ -1,5 +1,5 @@
 //! Broken networks and robots: named scenarios, each with a promise, run by the real binary with
-//! a simulated robot that has faults. The README shows their table; a test run prints it with the
+//! a simulated robot that has faults. The book shows their table; a test run prints it with the
 //! results.
 
 mod fault_run;
@@ -16,6 +16,9 @@ use tokio::task::JoinSet;
 
 use self::fault_run::FaultRun;
 use self::table::{SCENARIOS, Scenario};
+
+/// The chapter of the book on broken networks.
+const CHAPTER: &str = include_str!("../../behaviours/guide/trust/networks.md");
 
 /// Scenarios that run in parallel; each is three processes that mostly wait.
 const AT_ONCE: usize = 6;
@@ -54,13 +57,8 @@ async fn one_scenario() {
 }
 
 #[test]
-fn the_readme_shows_every_scenario_and_its_promise() {
-    let readme = include_str!("../../README.md");
-    let section = readme
-        .split("\n## ")
-        .find(|text| text.starts_with("Broken networks\n"));
-    let section = section.expect("no section `Broken networks`");
-    let rows: Vec<&str> = section
+fn the_book_shows_every_scenario_and_its_promise() {
+    let rows: Vec<&str> = CHAPTER
         .lines()
         .filter(|line| line.starts_with("| "))
         .collect();
@@ -73,15 +71,14 @@ fn the_readme_shows_every_scenario_and_its_promise() {
 }
 
 #[test]
-fn the_faults_of_the_readme_are_read() {
-    let readme = include_str!("../../README.md");
-    let yaml = readme
+fn the_faults_of_the_book_are_read() {
+    let yaml = CHAPTER
         .split("```yaml\n")
         .find(|text| text.starts_with("faults:"));
     let yaml = yaml
         .and_then(|text| text.split("```").next())
         .expect("no list of faults");
-    let faults = spykee::sim::Fault::list_from_yaml(yaml, "README.md").unwrap();
+    let faults = spykee::sim::Fault::list_from_yaml(yaml, "the book").unwrap();
     assert!(faults.len() > 3);
 }
 

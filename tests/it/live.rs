@@ -784,6 +784,34 @@ async fn invalid_messages_end_only_their_own_connection() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_book_is_served_where_it_is_built_and_no_path_leads_out_of_it() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_spykee"));
+    let is_built = program
+        .parent()
+        .unwrap()
+        .join("../book/index.html")
+        .exists();
+    let (status, page) = get(&at, "/book/").await;
+    let expected = if is_built {
+        (200, "<html")
+    } else {
+        (404, "scripts/book")
+    };
+    assert_eq!(status, expected.0, "{page}");
+    assert!(page.contains(expected.1), "{page}");
+    for path in [
+        "/book/../api/status",
+        "/book/%2e%2e/secret",
+        "/book//etc/passwd",
+    ] {
+        let (status, _) = get(&at, path).await;
+        assert_eq!(status, 404, "{path}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn metrics_and_the_description_of_the_api_are_served() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;

@@ -243,19 +243,20 @@ async fn a_flood_of_log_lines_is_summarised() {
     assert!(begun.elapsed() < Duration::from_secs(30));
 }
 
-/// The first block of a language in the README.
-fn readme_block(language: &str) -> &'static str {
-    let readme = include_str!("../../README.md");
-    let start = readme.split(&format!("```{language}\n")).nth(1).unwrap();
+/// The first block of a language in a page.
+fn block(page: &'static str, language: &str) -> &'static str {
+    let start = page.split(&format!("```{language}\n")).nth(1).unwrap();
     start.split("```").next().unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_readmes_behaviour_runs_with_the_readmes_config() {
+async fn the_readmes_behaviour_runs_with_the_config_of_the_book() {
     let rig = Rig::quiet().await;
-    let config = readme_block("yaml").replace("172.17.6.1", &rig.address);
+    let readme = include_str!("../../README.md");
+    let chapter = include_str!("../../behaviours/guide/operate/config.md");
+    let config = block(chapter, "yaml").replace("172.17.6.1", &rig.address);
     let config = rig.file("spykee.yaml", &config);
-    let script = rig.file("script.lua", readme_block("lua"));
+    let script = rig.file("script.lua", block(readme, "lua"));
     let config = config.to_str().unwrap();
     let script = script.to_str().unwrap();
     let mut run = rig.spykee(&["run", script, "--config", config, "--for", "2"]);

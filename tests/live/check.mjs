@@ -736,7 +736,7 @@ const promises = {
     await run.end();
   },
 
-  async "behind Caddy, as the README has it, people log in and drive over TLS"(browser) {
+  async "behind Caddy, as the book has it, people log in and drive over TLS"(browser) {
     if (!has("caddy")) {
       return "skipped, there is no caddy: sudo apt install caddy";
     }

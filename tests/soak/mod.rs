@@ -32,7 +32,7 @@ pub const CORE: [&str; 4] = [
 /// Tells how far it is, after each virtual hour: hours, restarts so far, size.
 pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size) + Send);
 
-/// How long a run may take to end, in virtual time: two seconds, as the README says, and a look.
+/// How long a run may take to end, in virtual time: two seconds, as the book says, and a look.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(2300);
 /// Before this the process is still growing into its buffers.
 const WARM: Duration = Duration::from_secs(20 * 60);

@@ -138,7 +138,7 @@ fn check_config(settings: &CommandSettings, report: &mut DoctorReport) -> Effect
             CheckResult::ok("config", "no config named, no spykee.yaml here: defaults")
         }
         (Err(error), _) => {
-            let help = "correct the file; the README lists the keys";
+            let help = "correct the file; the book's chapter Config lists the keys";
             CheckResult::fail("config", error.to_string(), help)
         }
     });

@@ -97,6 +97,7 @@ function build(app, visitor) {
         remember("theme", value);
         theme();
       }),
+      h("a", { href: "/book/", target: "_blank", rel: "noopener" }, t("book")),
       visitor.open ? null : h("button", { type: "button", onclick: logOut }, t("logout"))));
 
   connection.on("open", () => {

@@ -192,6 +192,7 @@ const TEXTS = {
   fault_dock_lost: ["slides off its station", "rutscht von der Station", "scivola via dalla base"],
 
   login: ["Log in", "Anmelden", "Accedi"],
+  book: ["Book", "Handbuch", "Manuale"],
   logout: ["Log out", "Abmelden", "Esci"],
   token: ["Token", "Token", "Token"],
   login_hint: ["Open the link that “spykee token new” has printed, or scan its QR code. Ask the person who runs the robot.", "Öffne den Link, den „spykee token new“ ausgegeben hat, oder scanne seinen QR-Code. Frage die Person, die den Roboter betreibt.", "Apri il link stampato da “spykee token new”, o scansiona il suo codice QR. Chiedi a chi gestisce il robot."],

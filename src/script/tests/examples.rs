@@ -84,10 +84,10 @@ fn every_field_of_an_object_can_be_read() {
     }
 }
 
-const GUIDE: &str = include_str!("../../../behaviours/README.md");
+const CHAPTER: &str = include_str!("../../../behaviours/guide/learn/18-scenarios.md");
 
 #[test]
-fn the_guide_names_all_that_a_scenario_can_call_and_nothing_else() {
+fn the_book_names_all_that_a_scenario_can_call_and_nothing_else() {
     let script = Script::empty_scenario(Options::new("test", "test.lua"), Instant::now()).unwrap();
     let names = script.known_names();
     let calls = names.iter().filter_map(|name| name.strip_prefix("sim."));
@@ -95,11 +95,11 @@ fn the_guide_names_all_that_a_scenario_can_call_and_nothing_else() {
     assert!(calls.len() > 20, "{calls:?}");
     for call in &calls {
         assert!(
-            GUIDE.contains(&format!("`sim:{call}(")),
+            CHAPTER.contains(&format!("`sim:{call}(")),
             "sim:{call} is not documented"
         );
     }
-    let documented = GUIDE
+    let documented = CHAPTER
         .split("`sim:")
         .skip(1)
         .filter_map(|rest| rest.split('(').next());

@@ -1,5 +1,5 @@
-//! The guide's steps about the service, followed as a new owner would: each command in order, with
-//! the scripts and the config of the page.
+//! The chapters about the service, followed as a new owner would: each command in order, with
+//! the scripts and the config of the book.
 
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt as _;
@@ -7,7 +7,8 @@ use std::time::Instant;
 
 use rustix::process::Signal;
 
-use super::{GUIDE, scripts};
+use super::commands::words;
+use super::{Chapter, behaviours, chapter};
 use crate::live::get;
 use crate::mqtt::Broker;
 use crate::notify::Webhook;
@@ -38,43 +39,15 @@ const SAYS: &[(&str, &str)] = &[
     ("spykee fleet stop", ": done"),
 ];
 
-/// A step of the guide, from its number and title to the next heading of the same level.
-fn step(number: u32) -> &'static str {
-    let step = GUIDE
-        .split("\n## ")
-        .find(|text| text.starts_with(&format!("{number}. ")));
-    step.unwrap_or_else(|| panic!("no step {number}"))
+fn service() -> &'static Chapter {
+    chapter("operate/service.md")
 }
 
-fn blocks(text: &'static str, language: &str) -> Vec<&'static str> {
-    let begins = format!("```{language}\n");
-    let blocks = text.split(&begins).skip(1);
-    blocks
-        .map(|block| block.split("```").next().unwrap())
-        .collect()
+fn notifications() -> &'static Chapter {
+    chapter("operate/notifications.md")
 }
 
-/// The indented lines of a text, which are commands.
-fn commands(text: &'static str) -> Vec<&'static str> {
-    let prose = text.split("```").step_by(2);
-    prose
-        .flat_map(str::lines)
-        .filter_map(|line| line.strip_prefix("    "))
-        .collect()
-}
-
-/// Splits a command as a shell would, without its redirection into a file.
-fn words(command: &str) -> Vec<String> {
-    let command = command.split(" > ").next().unwrap();
-    let quoted = command.split('"').enumerate();
-    let words = quoted.flat_map(|(index, part)| match index % 2 {
-        0 => part.split_whitespace().map(str::to_owned).collect(),
-        _ => vec![part.to_owned()],
-    });
-    words.collect()
-}
-
-/// A home with the scripts of the guide, a webhook that is notified, and a broker if mosquitto is
+/// A home with the scripts of the book, a webhook that is notified, and a broker if mosquitto is
 /// installed.
 struct Owner {
     rig: Rig,
@@ -88,14 +61,13 @@ struct Owner {
 impl Owner {
     async fn new() -> Owner {
         let rig = Rig::quiet().await;
-        let (behaviours, _) = scripts();
-        for (name, begins) in [
-            ("my_patrol.lua", "-- Drives legs"),
-            ("visitor.lua", "-- Listens"),
-            ("cuckoo.lua", "-- A cuckoo clock"),
+        let behaviours = behaviours();
+        for (name, key) in [
+            ("my_patrol.lua", "17"),
+            ("visitor.lua", "journal"),
+            ("cuckoo.lua", "service"),
         ] {
-            let script = behaviours.iter().find(|script| script.starts_with(begins));
-            rig.file(name, script.unwrap_or_else(|| panic!("{name}")));
+            rig.file(name, behaviours[key]);
         }
         for name in ["ntfy.topic", "apprise.key", "webhook.id", "mqtt.password"] {
             let path = rig.file(name, "secret");
@@ -111,7 +83,7 @@ impl Owner {
             service: None,
             installed: String::new(),
         };
-        owner.writes(&[blocks(step(20), "yaml")[0].to_owned()]);
+        owner.writes(&[service().blocks("yaml")[0].to_owned()]);
         owner
     }
 
@@ -122,7 +94,7 @@ impl Owner {
     /// Writes the config with all settings from the page for this computer; hosts are replaced by
     /// local ones.
     fn completes_the_config(&self) {
-        let said = blocks(step(20), "yaml");
+        let said = service().blocks("yaml");
         let [first, page, remote, broker] = said[..] else {
             panic!("{said:?}");
         };
@@ -137,7 +109,10 @@ impl Owner {
             }
             None => format!("{line}\n"),
         };
-        let notify = blocks(step(19), "yaml")[0].lines().map(here).collect();
+        let notify = notifications().blocks("yaml")[0]
+            .lines()
+            .map(here)
+            .collect();
         let broker = self.broker.as_ref().map(|one| {
             let host = format!("host: 127.0.0.1\n  port: {}", one.port);
             broker.replace("host: broker.local", &host)
@@ -198,7 +173,7 @@ impl Owner {
             }
         }
         if command.starts_with("spykee config schedule") {
-            assert_eq!(said.trim(), blocks(step(20), "text")[0].trim());
+            assert_eq!(said.trim(), service().blocks("text")[0].trim());
         }
     }
 
@@ -225,7 +200,7 @@ impl Owner {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_new_owner_follows_the_steps_about_the_service() {
     let mut owner = Owner::new().await;
-    let typed = commands(step(20));
+    let typed = service().commands();
     for (begins, _) in SAYS {
         assert!(typed.iter().any(|one| one.starts_with(begins)), "{begins}");
     }
@@ -235,45 +210,15 @@ async fn a_new_owner_follows_the_steps_about_the_service() {
     let mut service = owner.service.take().unwrap();
     service.signal(Signal::TERM);
     assert_eq!(service.code().await, Some(0), "{}", service.text());
-    // A run with today's date and a journal, which step 19 mentions.
+    // A run with today's date and a journal, which the chapter on the journal mentions.
     let config = std::fs::read_to_string(owner.rig.folder().join("spykee.yaml")).unwrap();
     let today = "data: today\njournal: { record: on }\n".to_owned();
     owner.writes(&[config, today]);
     let run = "run visitor.lua --sim --for 3 --config spykee.yaml";
     let run: Vec<&str> = run.split(' ').collect();
     owner.run_spykee(&run).await;
-    for command in commands(step(19)) {
+    let journal = chapter("operate/journal.md").commands();
+    for command in journal.into_iter().chain(notifications().commands()) {
         owner.types(command).await;
-    }
-}
-
-#[test]
-fn every_config_of_guide_and_readme_is_read() {
-    let readme = include_str!("../../../README.md");
-    for (name, page, least) in [("the guide", GUIDE, 5), ("README.md", readme, 4)] {
-        let mut configs = 0;
-        let yaml = blocks(page, "yaml");
-        for block in yaml {
-            let read = match block {
-                _ if block.starts_with("faults:") => {
-                    spykee::sim::Fault::list_from_yaml(block, name)
-                        .map(|_| ())
-                        .map_err(|error| error.to_string())
-                }
-                _ if block.starts_with("stops_on_disconnect:") => {
-                    spykee::sim::Firmware::from_yaml(block, name)
-                        .map(|_| ())
-                        .map_err(|error| error.to_string())
-                }
-                _ => {
-                    configs += 1;
-                    spykee::config::Config::parse(block, name)
-                        .map(|_| ())
-                        .map_err(|error| error.to_string())
-                }
-            };
-            read.unwrap_or_else(|error| panic!("{error}\n{block}"));
-        }
-        assert!(configs >= least, "{name}: {configs}");
     }
 }

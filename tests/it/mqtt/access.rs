@@ -1,4 +1,4 @@
-//! The broker decides who may command which robot, with the access list of the README;
+//! The broker decides who may command which robot, with the access list of the book;
 //! and an agent sends nothing to a broker whose certificate no trusted authority has signed.
 
 use std::net::TcpListener;
@@ -12,11 +12,11 @@ use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot};
 use crate::rig::{Rig, Run, assert_contains};
 
-/// The README's list for `rover1`, an agent, and `anna`, who may command its robot, and the same
+/// The book's list for `rover1`, an agent, and `anna`, who may command its robot, and the same
 /// for a second robot, with `rover2` and `bruno`.
 fn access() -> String {
-    let readme = include_str!("../../../README.md");
-    let list = readme
+    let chapter = include_str!("../../../behaviours/guide/operate/home-assistant.md");
+    let list = chapter
         .split("```")
         .find(|block| block.starts_with("\nuser rover1\n"));
     let (first, _) = list.unwrap().split_once("user homeassistant\n").unwrap();
