@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::bits::{Bits, Scan};
-use super::headers::{DecodeError, damaged};
+use super::frame::FrameError;
 use super::huffman::{AcTable, STEP_BITS, Step, Table};
 use super::idct;
 use super::machine::{Coefficients, Machine, Plain};
@@ -34,7 +34,7 @@ pub(super) fn decode_scan(
     across: usize,
     down: usize,
     mut components: [ComponentDecoder<'_>; 3],
-) -> Result<(), DecodeError> {
+) -> Result<(), FrameError> {
     let mcus = across * down;
     let interval = if restart_interval == 0 {
         mcus
@@ -42,7 +42,7 @@ pub(super) fn decode_scan(
         restart_interval
     };
     if scan.intervals() != mcus.div_ceil(interval) {
-        return Err(damaged("a part of its data is missing"));
+        return Err(FrameError::damaged("a part of its data is missing"));
     }
     for index in 0..scan.intervals() {
         for component in &mut components {
@@ -55,7 +55,9 @@ pub(super) fn decode_scan(
             components: &mut components,
         };
         if mcus.decode(vectors)?.left() > MAX_LEFT_OVER * 8 {
-            return Err(damaged("its data continues after the last block"));
+            return Err(FrameError::damaged(
+                "its data continues after the last block",
+            ));
         }
     }
     Ok(())
@@ -71,7 +73,7 @@ struct Mcus<'a, 'b, 'c> {
 
 impl<'a> Mcus<'a, '_, '_> {
     /// Decodes all; returns the bits after them.
-    fn decode(self, vectors: Vectors) -> Result<Bits<'a>, DecodeError> {
+    fn decode(self, vectors: Vectors) -> Result<Bits<'a>, FrameError> {
         match vectors {
             Vectors::Plain => self.decode_on(Plain),
             #[cfg(target_arch = "x86_64")]
@@ -83,16 +85,16 @@ impl<'a> Mcus<'a, '_, '_> {
     /// `#[inline(always)]`: a function that is not inlined is compiled without the machine's
     /// instructions.
     #[inline(always)]
-    fn decode_on<M: Machine>(mut self, machine: M) -> Result<Bits<'a>, DecodeError> {
+    fn decode_on<M: Machine>(mut self, machine: M) -> Result<Bits<'a>, FrameError> {
         let mut x = self.mcus.start % self.across;
         let mut y = self.mcus.start / self.across;
         for _ in self.mcus {
             for component in &mut *self.components {
                 decode_blocks(machine, &mut self.bits, component, x, y)
-                    .ok_or_else(|| damaged("its data is invalid"))?;
+                    .ok_or_else(|| FrameError::damaged("its data is invalid"))?;
             }
             if self.bits.left() < 0 {
-                return Err(damaged("its data ends early"));
+                return Err(FrameError::damaged("its data ends early"));
             }
             x += 1;
             if x == self.across {
@@ -112,7 +114,7 @@ struct OnV3<'a, 'b, 'c>(pulp::x86::V3, Mcus<'a, 'b, 'c>);
 
 #[cfg(target_arch = "x86_64")]
 impl<'a> pulp::NullaryFnOnce for OnV3<'a, '_, '_> {
-    type Output = Result<Bits<'a>, DecodeError>;
+    type Output = Result<Bits<'a>, FrameError>;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
