@@ -2,7 +2,7 @@
 //! component uses which table.
 
 use super::frame::{FrameError, Segment, Segments};
-use super::huffman::{AcTable, STANDARD_TABLES, Table};
+use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
 
 const RARE_SAMPLING: &str = "a sampling that cameras do not use";
@@ -52,8 +52,8 @@ impl Quantiser {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Headers {
     pub(super) quantisers: [Quantiser; 4],
-    pub(super) dc_tables: [Table; 4],
-    pub(super) ac_tables: [AcTable; 4],
+    /// The tables of DC and of AC coefficients.
+    pub(super) tables: [[Table; 4]; 2],
     /// Which tables the current frame has defined: DC, AC.
     present: [[bool; 4]; 2],
     pub(super) components: Vec<Component>,
@@ -179,11 +179,7 @@ impl Headers {
             if class > 1 || index > 3 || rest.len() < len {
                 return Err(FrameError::damaged("a Huffman table is cut short"));
             }
-            let makes_sense = match class {
-                0 => self.dc_tables[index].load(counts, &rest[..len]),
-                _ => self.ac_tables[index].load(counts, &rest[..len]),
-            };
-            if !makes_sense {
+            if !self.tables[class][index].load(class == 1, counts, &rest[..len]) {
                 return Err(FrameError::damaged("a Huffman table is inconsistent"));
             }
             self.present[class][index] = true;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::bits::{Bits, Scan};
 use super::frame::FrameError;
-use super::huffman::{AcTable, STEP_BITS, Step, Table};
+use super::huffman::{STEP_BITS, Step, Table};
 use super::idct;
 use super::machine::{Coefficients, Machine, Plain};
 use crate::vision::Vectors;
@@ -20,7 +20,7 @@ pub(super) struct ComponentDecoder<'a> {
     pub(super) v: usize,
     pub(super) quantiser: &'a [i32; 64],
     pub(super) dc_table: &'a Table,
-    pub(super) ac_table: &'a AcTable,
+    pub(super) ac_table: &'a Table,
     /// The DC coefficient of the previous block; the next one is coded as a difference from it.
     pub(super) predictor: i32,
     pub(super) queue: BlockQueue,
@@ -222,7 +222,7 @@ impl BlockQueue {
 pub(super) fn decode_block(
     bits: &mut Bits<'_>,
     dc_table: &Table,
-    ac_table: &AcTable,
+    ac_table: &Table,
     quantiser: &[i32; 64],
     predictor: &mut i32,
     Coefficients(coefficients): &mut Coefficients,
@@ -250,7 +250,7 @@ pub(super) fn decode_block(
             bits.skip(step.taken());
             return Some(next != END_WITHOUT_AC);
         }
-        let (run, value) = ac_table.codes.next(bits)?;
+        let (run, value) = ac_table.next(bits)?;
         index += run as usize;
         match (run, value) {
             (0, 0) => return Some(index > 1),
@@ -271,6 +271,11 @@ pub(super) fn decode_block(
 fn decode_difference(bits: &mut Bits<'_>, dc_table: &Table) -> Option<i32> {
     // Most blocks need fewer bits than this loads, so the branch in the next refill is predictable.
     bits.refill_always();
+    let step = dc_table.step(bits.peek(STEP_BITS));
+    if step.taken() > 0 {
+        bits.skip(step.taken());
+        return Some(step.first_value());
+    }
     match dc_table.next(bits)? {
         (0, difference) => Some(difference),
         _ => None,
@@ -288,19 +293,16 @@ mod tests {
     use crate::vision::jpeg::huffman::STANDARD_TABLES;
 
     /// The standard's luma tables: DC, AC.
-    fn tables() -> (Table, AcTable) {
+    fn tables() -> (Table, Table) {
         let mut dc = Table::default();
-        let mut ac = AcTable::default();
+        let mut ac = Table::default();
         let mut rest = &STANDARD_TABLES[4..];
         for is_ac in [false, true] {
             let counts = rest[1..].first_chunk::<16>().unwrap();
             let len: usize = counts.iter().copied().map(usize::from).sum();
             let symbols = &rest[17..][..len];
-            assert!(if is_ac {
-                ac.load(counts, symbols)
-            } else {
-                dc.load(counts, symbols)
-            });
+            let table = if is_ac { &mut ac } else { &mut dc };
+            assert!(table.load(is_ac, counts, symbols));
             rest = &rest[17 + len..];
         }
         (dc, ac)
@@ -309,7 +311,7 @@ mod tests {
     /// Decodes code by code as in the standard (T.81 F.2.2).
     fn one_by_one(
         bits: &mut Bits<'_>,
-        (dc, ac): (&Table, &AcTable),
+        (dc, ac): (&Table, &Table),
         quantiser: &[i32; 64],
         predictor: &mut i32,
     ) -> Option<[i16; 64]> {
@@ -321,7 +323,7 @@ mod tests {
         coefficients[0] = idct::dequantised(*predictor, quantiser[0]);
         let mut index = 1;
         while index < 64 {
-            let (run, value) = ac.codes.next(bits)?;
+            let (run, value) = ac.next(bits)?;
             index += run as usize;
             match (run, value) {
                 (0, 0) => break,
