@@ -5,7 +5,7 @@ mod battery;
 pub(crate) mod chassis;
 mod docking;
 pub(crate) mod firmware;
-pub(crate) mod memory;
+mod memory;
 mod microphone;
 mod speaker;
 pub(crate) mod trace;
@@ -19,7 +19,7 @@ use self::battery::{Battery, PowerReports};
 use self::chassis::{Chassis, TrackSlip, Tracks};
 use self::docking::{Contacts, Docking, DockingInputs, DockingStep};
 use self::firmware::{Firmware, FirmwareBehaviour};
-use self::memory::{Memory, RobotLog, describe};
+use self::memory::{Memory, RobotLog};
 use self::microphone::Microphone;
 use self::speaker::Speaker;
 use self::trace::{Trace, TraceEventKind};
@@ -435,7 +435,7 @@ impl Robot {
             }
             Command::LogQuery => self.reports.push(Report::Log(self.log.text())),
             Command::Audio(_) | Command::None | Command::Login(_) => {}
-            other => self.note(&format!("accepted without effect: {}", describe(other))),
+            other => self.note(&format!("accepted without effect: {other:?}")),
         }
     }
 

@@ -22,7 +22,7 @@ use self::station::Station;
 use crate::sim::faults::FaultKind;
 use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles};
 use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, number};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const BUILTIN: [(&str, &str); 9] = [
@@ -286,7 +286,7 @@ impl World {
 
     /// Reads a world from a file.
     pub fn load(path: &Path) -> Result<World, DocumentError> {
-        yaml::load(path, DocumentKind::World, World::from_yaml)
+        yaml::load(path, "world", World::from_yaml)
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
@@ -122,7 +122,7 @@ impl Firmware {
 
     /// Reads firmware settings from a file.
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
-        yaml::load(path, DocumentKind::Firmware, Firmware::from_yaml)
+        yaml::load(path, "description of a firmware", Firmware::from_yaml)
     }
 }
 

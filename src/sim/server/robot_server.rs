@@ -17,7 +17,6 @@ use super::handle::{Ends, ReceivedCommand, Request};
 use super::{Options, connection, handle};
 use crate::sim::body::Robot;
 use crate::sim::body::firmware::Firmware;
-use crate::sim::body::memory::describe;
 use crate::sim::faults::proxy::Breaker;
 use crate::sim::faults::scheduler::{FaultScheduler, Transition};
 use crate::sim::faults::{Fault, FaultKind, proxy};
@@ -363,7 +362,7 @@ impl RobotServer {
             }
             self.last_move = Some(command.clone());
         }
-        tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
+        tracing::debug!(target: "spykee::sim::heard", client, "{command:?}");
     }
 
     fn log_in(&mut self, client: u64, login: &Login) {

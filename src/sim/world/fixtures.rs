@@ -249,16 +249,12 @@ pub struct Schedule {
     #[serde(default, deserialize_with = "number::span")]
     pub after: f64,
     /// Duration of each occurrence, seconds; unlimited if omitted.
-    #[serde(default, rename = "for")]
-    pub lasts: Option<Seconds>,
+    #[serde(default, rename = "for", deserialize_with = "number::span")]
+    pub lasts: Option<f64>,
     /// Period from one beginning to the next, seconds; once only if omitted or 0.
-    #[serde(default)]
-    pub every: Option<Seconds>,
+    #[serde(default, deserialize_with = "number::span")]
+    pub every: Option<f64>,
 }
-
-/// A number of seconds, 0..=86,400.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-pub struct Seconds(#[serde(deserialize_with = "number::span")] pub f64);
 
 impl Schedule {
     /// Whether the schedule is on at a time, in seconds.
@@ -268,10 +264,10 @@ impl Schedule {
             return false;
         }
         let since = match self.every {
-            Some(Seconds(every)) if every > 0.0 => since % every,
+            Some(every) if every > 0.0 => since % every,
             _ => since,
         };
-        self.lasts.is_none_or(|Seconds(lasts)| since < lasts)
+        self.lasts.is_none_or(|lasts| since < lasts)
     }
 }
 

@@ -137,28 +137,34 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
     Err(ValidationError { path, message })
 }
 
-/// Returns the `at` of each thing in a list, with its path in the document.
+/// Returns the place that a key of each thing in a list gives, with its path in the document.
 fn placed<T>(
     list: &'static str,
+    key: &'static str,
     things: &[T],
-    at: impl Fn(&T) -> Spot,
+    place: impl Fn(&T) -> Spot,
 ) -> impl Iterator<Item = (Vec<Step>, Point)> {
-    let places = things.iter().map(move |thing| at(thing).point());
-    let paths = (0..).map(move |index| vec![Key(list), Index(index), Key("at")]);
+    let places = things.iter().map(move |thing| place(thing).point());
+    let paths = (0..).map(move |index| vec![Key(list), Index(index), Key(key)]);
     paths.zip(places)
 }
 
 /// Returns every place that must be in the room, with its path in the document.
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
-    let mut spots: Vec<(Vec<Step>, Point)> = placed("furniture", &world.furniture, |item| item.at)
-        .chain(placed("rugs", &world.rugs, |rug| rug.at))
-        .chain(placed("balls", &world.balls, |ball| ball.at))
-        .chain(placed("posts", &world.posts, |post| post.at))
-        .chain(placed("walkers", &world.walkers, |who| who.at))
-        .chain(placed("lamps", &world.lamps, |lamp| lamp.at))
-        .chain(placed("signs", &world.signs, |sign| sign.at))
-        .chain(placed("sounds", &world.sounds, |noise| noise.at))
-        .collect();
+    let mut spots: Vec<(Vec<Step>, Point)> =
+        placed("furniture", "at", &world.furniture, |item| item.at)
+            .chain(placed("rugs", "at", &world.rugs, |rug| rug.at))
+            .chain(placed("balls", "at", &world.balls, |ball| ball.at))
+            .chain(placed("posts", "at", &world.posts, |post| post.at))
+            .chain(placed("walkers", "at", &world.walkers, |who| who.at))
+            .chain(placed("lamps", "at", &world.lamps, |lamp| lamp.at))
+            .chain(placed("signs", "at", &world.signs, |sign| sign.at))
+            .chain(placed("sounds", "at", &world.sounds, |noise| noise.at))
+            .chain(placed("walls", "from", &world.walls, |wall| wall.from))
+            .chain(placed("walls", "to", &world.walls, |wall| wall.to))
+            .chain(placed("sills", "from", &world.sills, |sill| sill.from))
+            .chain(placed("sills", "to", &world.sills, |sill| sill.to))
+            .collect();
     let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
     add(&[Key("station"), Key("at")], world.station.at);
     if let Some(wifi) = world.wifi {
@@ -166,14 +172,6 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     }
     if let Some(start) = world.start {
         add(&[Key("start"), Key("at")], start.at);
-    }
-    for (index, wall) in world.walls.iter().enumerate() {
-        add(&[Key("walls"), Index(index), Key("from")], wall.from);
-        add(&[Key("walls"), Index(index), Key("to")], wall.to);
-    }
-    for (index, sill) in world.sills.iter().enumerate() {
-        add(&[Key("sills"), Index(index), Key("from")], sill.from);
-        add(&[Key("sills"), Index(index), Key("to")], sill.to);
     }
     for (index, line) in world.lines.iter().enumerate() {
         let path = [Key("lines"), Index(index), Key("through")];
