@@ -20,7 +20,7 @@ use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
 use crate::sim::faults::FaultKind;
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles};
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
 use crate::sim::yaml::{self, DocumentError, number};
 
@@ -157,25 +157,6 @@ impl World {
         all.flat_map(Rectangle::sides)
     }
 
-    pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
-        let (kind, name) = match obstacle {
-            Obstacle::Wall => ("wall", ""),
-            Obstacle::Station => ("station", ""),
-            Obstacle::Furniture(index) => (
-                "furniture",
-                self.furniture.get(index).map_or("", |item| &item.name),
-            ),
-            Obstacle::Post(_) => ("post", ""),
-            Obstacle::Ball(_) => ("ball", ""),
-            Obstacle::Walker(index) => (
-                "walker",
-                self.walkers.get(index).map_or("", |who| &who.name),
-            ),
-        };
-        let name = if name.is_empty() { kind } else { name };
-        name.to_owned()
-    }
-
     /// Returns everything that a robot can run into, at its initial place.
     pub(crate) fn obstacles(&self) -> Obstacles {
         let circle = |at: Spot, radius| Circle::new(at.point(), radius);
@@ -288,6 +269,11 @@ impl World {
     pub fn load(path: &Path) -> Result<World, DocumentError> {
         yaml::load(path, "world", World::from_yaml)
     }
+}
+
+/// Returns the name of a thing, or else its kind.
+pub(crate) fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
+    if name.is_empty() { kind } else { name }
 }
 
 /// The access point.

@@ -7,7 +7,7 @@ use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
 use super::light::{Grid, Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Level, Pixel, Texture, between, lit};
-use super::view::{Canvas, Row, View};
+use super::view::{View, flash, lamps};
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::World;
@@ -22,16 +22,13 @@ pub(super) struct Floor {
     world: World,
     /// Created for the first frame: most simulated robots never take one.
     texture: Option<Texture>,
-    rows: Vec<Row>,
 }
 
 impl Floor {
-    pub(super) fn new(world: &World, canvas: Canvas) -> Floor {
-        let rows = (0..canvas.height - canvas.horizon).map(|row| Row::below_horizon(row, canvas));
+    pub(super) fn new(world: &World) -> Floor {
         Floor {
             world: world.clone(),
             texture: None,
-            rows: rows.collect(),
         }
     }
 
@@ -50,29 +47,29 @@ impl Floor {
             .get_or_insert_with(|| floor_texture(&self.world));
         let glossy = self.world.room.floor == objects::Floor::GlossyTiles;
         let even = lighting.is_uniform() && !view.flash;
-        let width = view.canvas.width;
-        for (row, shown) in (view.canvas.horizon..).zip(&self.rows) {
-            let depth = shown.depth;
+        let canvas = view.canvas;
+        let width = canvas.width;
+        for row in canvas.horizon..canvas.height {
+            let depth = canvas.eye * canvas.focal / ((row - canvas.horizon) as f32 + 0.5);
+            let reflected_lamps = lamps(depth);
+            let reflected_flash = flash(depth);
             let texels = Texels::at_depth(floor, view, depth);
             let line = &mut frame[row * width..][..width];
             for (patch, floor_tops) in (0..width).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
                 if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
                 }
-                let middle = view.column(if even {
-                    view.canvas.left
-                } else {
-                    patch + PATCH / 2
-                });
+                let middle = view.column(if even { canvas.left } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
                 let room = lighting.at(px, py);
-                let flash = shown.flash * view.beam(middle);
-                let light = light(room.map(|channel| (channel * shown.lamps + flash) * exposure));
+                let flash = reflected_flash * view.beam(middle);
+                let light =
+                    light(room.map(|channel| (channel * reflected_lamps + flash) * exposure));
                 let visible = |column: usize| row >= floor_tops[column];
                 texels.paint(&mut line[patch..][..PATCH], patch, light, visible);
             }
             if glossy {
-                let share = reflected(view.canvas.eye, depth);
+                let share = reflected(canvas.eye, depth);
                 reflect(&mut frame[..(row + 1) * width], floor_tops, row, share);
             }
         }

@@ -610,7 +610,7 @@ impl Clients {
     /// Sends the refusal to `id`, and closes the connection when it has been written.
     fn refuse(&mut self, id: u64, refusal: Refusal) {
         if let Some(client) = self.all.get(&id) {
-            let _ = client.reports.push(&Report::Refused(refusal));
+            client.reports.push(&Report::Refused(refusal));
             client.reports.close();
         }
     }
@@ -620,7 +620,7 @@ impl Clients {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
         };
-        client.reports.push(report).is_ok()
+        client.reports.push(report)
     }
 
     fn disconnect(&mut self, id: u64) -> bool {
