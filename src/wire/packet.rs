@@ -139,31 +139,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn decode_all(mut input: &[u8]) -> (Vec<Packet>, Option<FramingError>) {
-        let mut decoder = Decoder::new();
-        let mut packets = Vec::new();
-        loop {
-            match decoder.decode(&mut input) {
-                Ok(Some(packet)) => packets.push(packet),
-                Ok(None) => return (packets, None),
-                Err(error) => return (packets, Some(error)),
-            }
-        }
-    }
-
-    #[test]
-    fn golden_move_and_stop_are_split_out_of_a_stream() {
-        let bytes = [
-            0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00, 0x50, 0x4B, 0x08, 0x00, 0x00,
-        ];
-        let (packets, error) = decode_all(&bytes);
-        assert_eq!(error, None);
-        assert_eq!(
-            packets,
-            [Packet::new(5, vec![0, 0]), Packet::new(8, vec![])]
-        );
-    }
-
     #[test]
     fn a_header_without_pk_ends_the_stream_permanently() {
         let mut decoder = Decoder::new();
