@@ -3,8 +3,6 @@
 //! and the type `Camera`, none of its optics, so that it stays independent of the agent code that it
 //! tests.
 
-#![warn(missing_docs)]
-
 mod body;
 mod camera;
 mod faults;

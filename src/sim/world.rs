@@ -64,17 +64,14 @@ const LATEST: Duration = Duration::from_millis(1000);
 /// Steps of the delay, so that a robot that drives does not change it all the time.
 const STEPS: f64 = 20.0;
 
-/// A simulated place.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
-    /// The world's name.
     #[serde(default)]
     pub name: String,
     /// What the robot is like where this world does not say it.
     #[serde(default)]
     pub preset: Preset,
-    /// The four outer walls and the floor.
     pub room: Room,
     /// Inner walls, as high as the room.
     #[serde(default)]
@@ -91,7 +88,6 @@ pub struct World {
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
-    /// Round posts.
     #[serde(default)]
     pub posts: Vec<Post>,
     /// Lines of tape on the floor.
@@ -109,7 +105,6 @@ pub struct World {
     /// Sound sources that the microphone hears besides the robot.
     #[serde(default)]
     pub sounds: Vec<Noise>,
-    /// The charging station.
     pub station: Station,
     /// The robot's start pose; on the station if omitted.
     #[serde(default)]
@@ -120,7 +115,6 @@ pub struct World {
     /// How the battery drains and charges.
     #[serde(default)]
     pub battery: BatterySettings,
-    /// The camera's properties.
     #[serde(default)]
     pub camera: CameraSettings,
     /// How the tracks follow their commands, differ and slip.
@@ -132,7 +126,6 @@ pub struct World {
 }
 
 impl World {
-    /// Returns the robot's start pose.
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
@@ -228,7 +221,6 @@ impl World {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// Returns the built-in world with this name.
     pub fn builtin(name: &str) -> Option<World> {
         World::from_yaml(World::builtin_yaml(name)?, &format!("{name}.yaml")).ok()
     }
@@ -265,7 +257,6 @@ impl World {
         Ok(world)
     }
 
-    /// Reads a world from a file.
     pub fn load(path: &Path) -> Result<World, DocumentError> {
         yaml::load(path, "world", World::from_yaml)
     }
@@ -276,11 +267,9 @@ pub(crate) fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
     if name.is_empty() { kind } else { name }
 }
 
-/// The access point.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wifi {
-    /// Its place.
     pub at: Spot,
     /// Distance up to which it reaches the robot, metres, in a straight line without walls.
     #[serde(deserialize_with = "number::reach")]

@@ -12,27 +12,16 @@ use serde::de::{
 use crate::files::ReadError;
 use crate::{files, yaml};
 
-/// A document that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
-    /// The file cannot be read.
     #[error("cannot read the {kind} {name}: {source}")]
     Read {
-        /// The expected content of the file.
         kind: &'static str,
-        /// The file.
         name: String,
-        /// The cause.
         source: std::io::Error,
     },
-    /// The file is too long.
     #[error("{name} is longer than {} bytes: is it a {kind}?", yaml::MAX_LEN)]
-    TooLong {
-        /// The expected content of the file.
-        kind: &'static str,
-        /// The file.
-        name: String,
-    },
+    TooLong { kind: &'static str, name: String },
     /// The YAML is not a valid document of the expected kind.
     #[error("{name}:{line}:{column}: {message}")]
     Invalid {

@@ -38,7 +38,6 @@ impl Fault {
         Ok(faults.iter().map(Entry::fault).collect())
     }
 
-    /// Reads a list of faults from a file.
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
         yaml::load(path, "list of faults", Fault::list_from_yaml)
     }

@@ -53,7 +53,6 @@ pub struct Obstacles {
     /// Walls and the four sides of each piece of furniture, which are high enough to hide the
     /// station. Walls come first.
     pub(crate) high: Vec<Segment>,
-    /// The number of sides of walls.
     pub(crate) walls: usize,
     pub(crate) station: [Segment; 4],
     /// Posts, which hide the station.

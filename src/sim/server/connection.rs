@@ -28,7 +28,6 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 
 #[derive(Debug)]
 pub(crate) enum Event {
-    /// The commands of one read.
     Commands {
         client: u64,
         write: u64,

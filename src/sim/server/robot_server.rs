@@ -23,7 +23,6 @@ use crate::sim::faults::{Fault, FaultKind, proxy};
 use crate::sim::geometry::Pose;
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
-/// The physics time step.
 pub(crate) const STEP: Duration = Duration::from_millis(20);
 /// Maximum number of steps to catch up at once after a delay; time beyond that is lost.
 const MAX_CATCH_UP: u32 = 10;

@@ -174,7 +174,6 @@ impl MovingObject {
 
 struct Trip {
     route: Route,
-    /// The corner to which it goes now.
     next: usize,
     back: bool,
     rested: f64,

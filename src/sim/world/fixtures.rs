@@ -18,7 +18,6 @@ pub struct Tape {
     /// Width in metres.
     #[serde(default = "tape_width", deserialize_with = "number::tape")]
     pub width: f64,
-    /// Its colour.
     pub colour: Paint,
     /// Radius of the rounded corners, metres; limited by the length of the legs.
     #[serde(default, deserialize_with = "number::rounding")]
@@ -32,7 +31,6 @@ pub struct Tape {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Its name.
     #[serde(default)]
     pub name: String,
     /// The place above which it hangs.
@@ -78,12 +76,9 @@ pub struct Sign {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// Its name.
     #[serde(default)]
     pub name: String,
-    /// Its place.
     pub at: Spot,
-    /// The kind of sound.
     #[serde(default)]
     pub kind: NoiseKind,
     /// Frequency of a tone, or 100 times the rate of knocks, hertz.
@@ -100,16 +95,12 @@ pub struct Noise {
     pub off: Option<Schedule>,
 }
 
-/// Kinds of sounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseKind {
-    /// A pure tone.
     #[default]
     Tone,
-    /// A hiss.
     Hiss,
-    /// Short knocks.
     Knock,
 }
 

@@ -42,7 +42,6 @@ const CONTACT_OPENS: Contact = Contact {
     turned: 0.35,
 };
 
-/// The charging station.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
@@ -133,7 +132,6 @@ impl Station {
         self.heading_degrees.to_radians()
     }
 
-    /// Returns the pose of a docked robot.
     pub fn dock_pose(&self) -> Pose {
         self.in_front(DEPTH + GAP + RADIUS)
     }
@@ -153,7 +151,6 @@ impl Station {
         wrap(self.heading() + PI)
     }
 
-    /// Returns the corners of its footprint.
     pub fn outline(&self) -> [Point; 4] {
         self.footprint().corners()
     }
