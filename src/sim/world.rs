@@ -251,8 +251,8 @@ impl World {
         preset
             .complete(&mut world, text)
             .map_err(|error| yaml::error(&error, name))?;
-        validate::check(&world).map_err(|error| {
-            DocumentError::invalid(name, yaml::find(text, &error.path), error.message)
+        validate::check(&world).map_err(|(path, message)| {
+            DocumentError::invalid(name, yaml::find(text, &path), message)
         })?;
         Ok(world)
     }
