@@ -165,33 +165,14 @@ mod tests {
     }
 
     #[test]
-    fn a_valid_skeleton_gives_its_size() {
-        assert_eq!(
-            validate_markers(&skeleton(320, 240, 0xC0)),
-            Ok(Size {
-                width: 320,
-                height: 240
-            })
-        );
-    }
-
-    #[test]
     fn padding_after_the_end_is_accepted() {
         let mut bytes = skeleton(320, 240, 0xC0);
         bytes.extend([0; 700]);
-        assert!(validate_markers(&bytes).is_ok());
-    }
-
-    #[test]
-    fn every_truncation_is_refused() {
-        let bytes = skeleton(320, 240, 0xC0);
-        for len in 0..bytes.len() {
-            assert!(
-                validate_markers(&bytes[..len]).is_err(),
-                "accepted {len} of {} bytes",
-                bytes.len()
-            );
-        }
+        let size = Size {
+            width: 320,
+            height: 240,
+        };
+        assert_eq!(validate_markers(&bytes), Ok(size));
     }
 
     #[test]
