@@ -181,7 +181,7 @@ impl Entry {
             ("commands_per_second", self.commands_per_second.is_some()),
             ("for", self.lasts.is_some()),
         ];
-        let Row(_, known, kind) = self.fault;
+        let Row(_, known, kind) = *self.fault;
         let stray = given.iter().find(|(key, is)| *is && !known.contains(key));
         if let Some((key, _)) = stray {
             let list = [known, &["after", "every", "chance"]].concat().join("`, `");
@@ -209,7 +209,7 @@ impl Entry {
     }
 
     fn fault(&self) -> Fault {
-        let Row(_, _, kind) = self.fault;
+        let Row(_, _, kind) = *self.fault;
         let usual = Fault::new(kind(self));
         let towards = match usual.kind {
             FaultKind::Garbage { .. } | FaultKind::LengthLie { .. } => Direction::Client,
