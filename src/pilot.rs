@@ -31,8 +31,8 @@ use crate::link::{Confirmation, Executes, Incoming, LinkError, Writer, hang_up};
 use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
-    AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
-    RobotInfo, StopConfirmation, Streams,
+    AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, Pictures, RobotInfo,
+    StopConfirmation, Streams,
 };
 use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
@@ -537,7 +537,9 @@ impl Pilot {
         match event {
             ConnectionEvent::Up(session) => self.connected(*session)?,
             ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
-            ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
+            ConnectionEvent::Incoming(Incoming::Progress) => {
+                self.silence.note_received(Instant::now());
+            }
             ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
             ConnectionEvent::Accepted(login) => self.watch_login(login),
             ConnectionEvent::Failed(error) => {
@@ -711,14 +713,6 @@ impl Pilot {
         self.stopwatch.frame(at);
         self.pictures
             .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
-        self.sessions.notify_frame();
-    }
-
-    fn partial_frame(&mut self, jpeg: Bytes) {
-        self.silence.note_received(Instant::now());
-        let seq = self.status.borrow().frames + 1;
-        self.pictures
-            .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
         self.sessions.notify_frame();
     }
 

@@ -112,7 +112,6 @@ pub(super) async fn serve(
                 outbox,
                 frame_asked: false,
                 damaged: false,
-                partial_frame: Vec::new(),
                 gallery,
                 detections,
                 store,
@@ -159,8 +158,6 @@ struct Host {
     outbox: Sender<FromHost>,
     frame_asked: bool,
     damaged: bool,
-    /// The bytes of the next frame received so far.
-    partial_frame: Vec<u8>,
     gallery: Option<Gallery>,
     detections: bool,
     store: Option<StoreWriter>,
@@ -268,10 +265,8 @@ impl Host {
             ToHost::Event(event) => self.script.deliver(event, now),
             ToHost::Frame(frame) => {
                 self.frame_asked = false;
-                self.partial_frame.clear();
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
-            ToHost::PartialFrame { at, jpeg } => self.decode_part(at, &jpeg),
             ToHost::Prompt(PromptCommand::Evaluate { text, more }) => {
                 self.script.evaluate(&text, more, now);
             }
@@ -304,26 +299,14 @@ impl Host {
         self.outbox.send(&warning(text)).await
     }
 
-    /// Decodes the part of the next frame that follows on from what has been received.
-    fn decode_part(&mut self, at: usize, part: &[u8]) {
-        if at == 0 {
-            self.partial_frame.clear();
-        }
-        if at == self.partial_frame.len() {
-            self.partial_frame.extend_from_slice(part);
-            self.script.decode_ahead(&self.partial_frame);
-        }
-    }
-
     async fn send_output(&mut self) -> io::Result<()> {
         for output in self.script.take_output() {
             self.outbox.feed(&FromHost::Output(output)).await?;
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            let partial = self.script.examines_frames();
             let damaged = self.damaged;
-            let want = FromHost::WantFrame { partial, damaged };
+            let want = FromHost::WantFrame { damaged };
             self.outbox.feed(&want).await?;
         }
         self.outbox.flush().await
@@ -345,96 +328,4 @@ fn found(annotated: &AnnotatedFrame) -> FromHost {
 
 fn unwritten(trouble: &str) -> FromHost {
     warning(format!("problem writing the store: {trouble}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use bytes::Bytes;
-    use tokio::time::timeout;
-
-    use super::*;
-    use crate::behaviour::Library;
-    use crate::robot::Frame;
-    use crate::script::Options;
-
-    const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-422.jpg");
-
-    async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
-        host_in(Time::Virtual, source).await
-    }
-
-    async fn host_in(time: Time, source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
-        let (near, far) = tokio::io::duplex(1 << 20);
-        let (reader, writer) = tokio::io::split(far);
-        tokio::task::spawn_local(serve(reader, writer, time));
-        let (reader, writer) = tokio::io::split(near);
-        let mut to = Sender::new(writer);
-        let from = Receiver::new(reader);
-        let launch = Launch {
-            source: source.into(),
-            options: Options::new("test", "test.lua"),
-            library: Library::default(),
-        };
-        to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
-        to.send(&ToHost::Run).await.unwrap();
-        (to, from)
-    }
-
-    fn frame(seq: u64) -> ToHost {
-        let at = Instant::now();
-        let jpeg = Bytes::from_static(JPEG);
-        ToHost::Frame(Frame { seq, at, jpeg })
-    }
-
-    async fn next_request(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
-        let mut lines = Vec::new();
-        loop {
-            let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
-            match message.unwrap().unwrap() {
-                FromHost::Output(Output::Log(line)) => lines.push(line.text),
-                FromHost::WantFrame { partial, .. } => return (partial, lines),
-                _ => {}
-            }
-        }
-    }
-
-    #[tokio::test(flavor = "local")]
-    async fn a_script_sees_the_same_frame_however_it_is_split_into_parts() {
-        let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
-        let (mut to, mut from) = host_of(look).await;
-        assert!(!next_request(&mut from).await.0);
-        to.send(&frame(1)).await.unwrap();
-        let (partial, seen) = next_request(&mut from).await;
-        assert!(partial && seen.len() == 1, "{partial} {seen:?}");
-        for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
-            .iter()
-            .enumerate()
-        {
-            let mut at = 0;
-            for &cut in cuts {
-                let jpeg = Bytes::from_static(&JPEG[at..cut]);
-                to.send(&ToHost::PartialFrame { at, jpeg }).await.unwrap();
-                at = cut;
-            }
-            to.send(&frame(number as u64 + 2)).await.unwrap();
-            assert_eq!(next_request(&mut from).await, (true, seen.clone()));
-        }
-        // A part in the middle was lost.
-        let jpeg = Bytes::from_static(&JPEG[900..]);
-        to.send(&ToHost::PartialFrame { at: 900, jpeg })
-            .await
-            .unwrap();
-        to.send(&frame(9)).await.unwrap();
-        assert_eq!(next_request(&mut from).await, (true, seen));
-    }
-
-    #[tokio::test(flavor = "local")]
-    async fn partial_frames_are_not_requested_for_a_script_without_vision() {
-        let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
-        next_request(&mut from).await;
-        to.send(&frame(1)).await.unwrap();
-        assert_eq!(next_request(&mut from).await, (false, vec!["1".to_owned()]));
-    }
 }

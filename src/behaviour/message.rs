@@ -38,12 +38,6 @@ pub enum ToHost {
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
     Frame(Frame),
-    /// A further part of the frame that is being received, in answer to [`FromHost::WantFrame`].
-    PartialFrame {
-        /// Offset of this part in the frame, in bytes.
-        at: usize,
-        jpeg: Bytes,
-    },
     Prompt(PromptCommand),
     /// A user changes the value of a parameter.
     SetParam {
@@ -80,8 +74,6 @@ pub enum FromHost {
     Alive,
     /// Requests one frame newer than the last, as soon as there is one.
     WantFrame {
-        /// Also send the parts of it that have already been received.
-        partial: bool,
         /// The last frame was damaged: the one before it is also acceptable.
         damaged: bool,
     },

@@ -4,7 +4,6 @@
 
 use std::time::Duration;
 
-use bytes::Bytes;
 use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, timeout};
@@ -16,9 +15,7 @@ use super::message::{FromHost, PromptCommand, ToHost};
 use super::process::{EXIT_TIME, Prepared, exit};
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
-use crate::robot::{
-    Bus, Detections, EndReason, HostReport, ParamChange, PartialFrame, Pictures, ViewerChannel,
-};
+use crate::robot::{Bus, Detections, EndReason, HostReport, ParamChange, Pictures, ViewerChannel};
 use crate::script::{Evaluated, LogLine, Output, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
@@ -52,9 +49,6 @@ pub struct Supervisor {
     /// The frame passed on before that.
     last_but_one: u64,
     frame_wanted: bool,
-    /// The host wants partial frames, to decode them early.
-    partial_wanted: bool,
-    frame_progress: FrameProgress,
     dropped: u64,
     repl_channel: Option<ReplChannel>,
     is_running: bool,
@@ -90,8 +84,6 @@ impl Supervisor {
             last_frame: 0,
             last_but_one: 0,
             frame_wanted: false,
-            partial_wanted: false,
-            frame_progress: FrameProgress::default(),
             dropped: 0,
             repl_channel: None,
             is_running: false,
@@ -263,8 +255,8 @@ impl Supervisor {
         let request = match message {
             FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
-            FromHost::WantFrame { partial, damaged } => {
-                (self.frame_wanted, self.partial_wanted) = (true, partial);
+            FromHost::WantFrame { damaged } => {
+                self.frame_wanted = true;
                 return if damaged {
                     self.pass_previous()
                 } else {
@@ -332,11 +324,11 @@ impl Supervisor {
         }
     }
 
-    /// Passes on the newest frame, unless it was already, or else the received part of the next.
+    /// Passes on the newest frame, unless it was already.
     fn pass_picture(&mut self) {
-        let pictures = self.frames.borrow().clone();
-        let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
-            return self.pass_partial(pictures.partial);
+        let newest = self.frames.borrow().newest.clone();
+        let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
+            return;
         };
         self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
         self.frame_wanted = false;
@@ -346,7 +338,7 @@ impl Supervisor {
     /// Replaces a damaged frame: passes on the frame before it, unless that one was passed on too
     /// or a newer one has arrived.
     fn pass_previous(&mut self) {
-        let Pictures { newest, before, .. } = self.frames.borrow().clone();
+        let Pictures { newest, before } = self.frames.borrow().clone();
         let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
         match before.filter(|frame| still_newest && frame.seq > self.last_but_one) {
             Some(frame) => {
@@ -354,15 +346,6 @@ impl Supervisor {
                 self.pass_on(ToHost::Frame(frame));
             }
             None => self.pass_picture(),
-        }
-    }
-
-    fn pass_partial(&mut self, partial: Option<PartialFrame>) {
-        if let Some(partial) = partial
-            && self.partial_wanted
-            && let Some((at, jpeg)) = self.frame_progress.rest(&partial)
-        {
-            self.pass_on(ToHost::PartialFrame { at, jpeg });
         }
     }
 
@@ -511,48 +494,4 @@ async fn next_command(repl_channel: &mut Option<ReplChannel>) -> PromptCommand {
         return command;
     }
     std::future::pending().await
-}
-
-/// The part of the incoming frame that was already passed to a host.
-#[derive(Debug, Default)]
-struct FrameProgress {
-    seq: u64,
-    passed: usize,
-}
-
-impl FrameProgress {
-    /// The bytes received since the last call and their offset, if there are any.
-    fn rest(&mut self, PartialFrame { seq, jpeg }: &PartialFrame) -> Option<(usize, Bytes)> {
-        // Fewer bytes than before: the number belongs to a frame of a new connection.
-        if *seq != self.seq || jpeg.len() < self.passed {
-            (self.seq, self.passed) = (*seq, 0);
-        }
-        let at = std::mem::replace(&mut self.passed, jpeg.len());
-        if at < jpeg.len() {
-            Some((at, jpeg.slice(at..)))
-        } else {
-            None
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_byte_is_passed_once_and_each_frame_from_its_start() {
-        let mut progress = FrameProgress::default();
-        let mut rest = |seq, jpeg: &'static [u8]| {
-            let jpeg = Bytes::from_static(jpeg);
-            progress.rest(&PartialFrame { seq, jpeg })
-        };
-        let part = |at, bytes: &'static [u8]| Some((at, Bytes::from_static(bytes)));
-        assert_eq!(rest(1, b"ab"), part(0, b"ab"));
-        assert_eq!(rest(1, b"ab"), None);
-        assert_eq!(rest(1, b"abcd"), part(2, b"cd"));
-        assert_eq!(rest(2, b"abcdef"), part(0, b"abcdef"));
-        // After a lost connection the same number belongs to a different frame.
-        assert_eq!(rest(2, b"xy"), part(0, b"xy"));
-    }
 }

@@ -97,7 +97,7 @@ pub(super) fn read_picture(path: &Path) -> Result<Vec<u8>, Failure> {
 pub(super) fn unusable_picture(path: &Path, error: &FrameError) -> Failure {
     let failure = Failure::usage(format_args!("cannot use {}: {error}", path.display()));
     match error {
-        FrameError::NoStart => failure.help(NO_JPEG_HELP),
+        FrameError::NoStart | FrameError::Unsupported(_) => failure.help(NO_JPEG_HELP),
         FrameError::TooLarge { .. } | FrameError::TooLong(_) => failure.help(TOO_LARGE_HELP),
         _ => failure,
     }

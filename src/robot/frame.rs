@@ -22,15 +22,6 @@ pub struct Frame {
     pub jpeg: Bytes,
 }
 
-/// A frame that has been received in part.
-#[derive(Debug, Clone)]
-pub struct PartialFrame {
-    /// The number that the frame will have.
-    pub seq: u64,
-    /// Its first bytes.
-    pub jpeg: Bytes,
-}
-
 /// The frames of the camera.
 #[derive(Debug, Clone, Default)]
 pub struct Pictures {
@@ -38,15 +29,12 @@ pub struct Pictures {
     pub newest: Option<Frame>,
     /// The one before it, for a reader that finds the newest damaged.
     pub before: Option<Frame>,
-    /// The one being received.
-    pub partial: Option<PartialFrame>,
 }
 
 impl Pictures {
     /// Stores a new frame.
     pub fn push(&mut self, frame: Frame) {
         self.before = self.newest.replace(frame);
-        self.partial = None;
     }
 }
 

@@ -610,23 +610,6 @@ impl Script {
         state.has_ended() || state.deliver_frame(frame)
     }
 
-    /// Decodes the part of the next frame that has already arrived, so that examining the whole
-    /// frame takes less time.
-    pub fn decode_ahead(&mut self, beginning: &[u8]) {
-        self.state
-            .borrow_mut()
-            .frames
-            .analyser
-            .decode_ahead(beginning);
-    }
-
-    /// Whether the script has examined the newest frame, rather than ignored or only saved it.
-    pub fn examines_frames(&self) -> bool {
-        let state = self.state.borrow();
-        let newest = state.frames.newest.as_ref().map(|held| held.frame.seq);
-        newest.is_some() && newest == state.frames.analyser.last_frame()
-    }
-
     /// Whether the script needs frames: something listens to them or waits for one, or the script
     /// has switched the video on.
     pub fn wants_frames(&self) -> bool {

@@ -5,7 +5,7 @@ mod battery;
 pub(crate) mod chassis;
 mod docking;
 pub(crate) mod firmware;
-pub(crate) mod memory;
+mod memory;
 mod microphone;
 mod speaker;
 pub(crate) mod trace;
@@ -19,7 +19,7 @@ use self::battery::{Battery, PowerReports};
 use self::chassis::{Chassis, TrackSlip, Tracks};
 use self::docking::{Contacts, Docking, DockingInputs, DockingStep};
 use self::firmware::{Firmware, FirmwareBehaviour};
-use self::memory::{Memory, RobotLog, describe};
+use self::memory::{Memory, RobotLog};
 use self::microphone::Microphone;
 use self::speaker::Speaker;
 use self::trace::{Trace, TraceEventKind};
@@ -35,7 +35,6 @@ const ACTIVATE: u8 = 1;
 /// The reply to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
-/// A robot in a world.
 pub struct Robot {
     firmware: Firmware,
     time: Duration,
@@ -109,12 +108,10 @@ impl Robot {
         self.trace.clone()
     }
 
-    /// Returns a copy of the trace so far.
     pub fn trace(&self) -> Trace {
         lock(&self.trace).clone()
     }
 
-    /// Returns the world, in its initial state.
     pub fn world(&self) -> &World {
         &self.environment.world
     }
@@ -435,7 +432,7 @@ impl Robot {
             }
             Command::LogQuery => self.reports.push(Report::Log(self.log.text())),
             Command::Audio(_) | Command::None | Command::Login(_) => {}
-            other => self.note(&format!("accepted without effect: {}", describe(other))),
+            other => self.note(&format!("accepted without effect: {other:?}")),
         }
     }
 
@@ -505,14 +502,10 @@ fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
     trace.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Which lights are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Leds {
-    /// The headlight.
     pub flash: bool,
-    /// The left light.
     pub left: bool,
-    /// The right light.
     pub right: bool,
 }
 
@@ -529,14 +522,10 @@ impl Leds {
     }
 }
 
-/// Which streams are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Streams {
-    /// The camera.
     pub video: bool,
-    /// The microphone.
     pub audio_in: bool,
-    /// The speaker.
     pub audio_out: bool,
 }
 
@@ -558,11 +547,9 @@ impl Streams {
 pub struct State {
     /// Simulated time since the start.
     pub time: Duration,
-    /// The robot's position and heading.
     pub pose: Pose,
     /// The battery's level, 0..=100, unrounded.
     pub battery: f64,
-    /// The content of POWER.
     pub power: Power,
     /// Current flows into the battery.
     pub charging: bool,
@@ -570,30 +557,23 @@ pub struct State {
     pub docked: bool,
     /// The robot is driving to the station or searching for it.
     pub searching: bool,
-    /// The robot is backing out of the station.
     pub leaving: bool,
     /// The last MOVE that was not ignored, as received; 0 if since then the firmware stopped the
     /// tracks, or a manoeuvre was started or cancelled.
     pub commanded: Tracks<i8>,
     /// The actual speeds of the tracks, metres per second.
     pub speeds: Tracks<f64>,
-    /// An obstacle blocks the robot.
     pub blocked: bool,
-    /// Number of collisions.
     pub collisions: u64,
     /// Metres driven.
     pub distance: f64,
-    /// The lights.
     pub leds: Leds,
-    /// The sound that is playing.
     pub sound: Option<Sound>,
     /// The volume, 0..=100 percent.
     pub volume: u8,
-    /// The streams that are on.
     pub streams: Streams,
     /// Commands that were received and wait to be executed.
     pub queued: usize,
-    /// The connected user.
     pub user: Option<String>,
     /// Frames rendered so far.
     pub frames: u64,
@@ -602,7 +582,6 @@ pub struct State {
 }
 
 impl State {
-    /// Whether a track is moving.
     pub fn moving(&self) -> bool {
         self.speeds.left != 0.0 || self.speeds.right != 0.0
     }

@@ -206,7 +206,6 @@ pub(super) struct Video {
     latency: Duration,
     /// Elapsed share of the frame period; the next frame is due at 1.
     due: f64,
-    /// Number of rendered frames.
     pub(super) frames: u64,
     /// Frames delayed by the latency, each with the time at which it is sent.
     waiting: VecDeque<(Duration, Bytes)>,

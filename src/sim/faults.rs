@@ -20,7 +20,6 @@ pub enum Direction {
     Client,
     /// From the client to the robot.
     Robot,
-    /// Both ways.
     Both,
 }
 
@@ -31,7 +30,6 @@ impl Direction {
     }
 }
 
-/// Kinds of faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FaultKind {
     /// Bytes are delayed by `by` plus a random time up to `jitter`, and stay in order.
@@ -43,7 +41,6 @@ pub enum FaultKind {
     },
     /// Messages arrive in pieces, split at random places.
     Split,
-    /// The data rate is limited.
     Drip {
         /// Bytes per second.
         rate: u32,
@@ -71,10 +68,8 @@ pub enum FaultKind {
     TruncatedFrames,
     /// Random bytes of each frame are changed.
     FlippedFrames {
-        /// Number of bytes, at least 1.
         bytes: usize,
     },
-    /// POWER does not arrive.
     NoPower,
     /// POWER reports a wrong level; its sign (charging) stays.
     PowerJumps {
@@ -89,18 +84,14 @@ pub enum FaultKind {
         /// and the robot continued what it was doing.
         forgets: bool,
     },
-    /// Every login is refused.
     RefuseLogin(Refusal),
     /// The robot's program takes this long for each command, and executes one after another.
     SlowProgram {
-        /// Time for each command.
         period: Duration,
     },
     /// Another user takes over the robot for a while.
     TakeOver,
-    /// The station cannot be found.
     BaseNotFound,
-    /// The station does not charge.
     NoCharge,
     /// The robot slides off the contacts after each docking.
     DockLost {
@@ -109,14 +100,11 @@ pub enum FaultKind {
     },
 }
 
-/// A fault: its kind and its timing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
-    /// The kind of fault.
     pub kind: FaultKind,
     /// The affected direction, for kinds that have one.
     pub towards: Direction,
-    /// When the fault is active.
     pub timing: Timing,
     /// Probability, 0..=1: per message for faults that alter messages, otherwise per occurrence.
     pub chance: f64,

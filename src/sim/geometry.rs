@@ -12,7 +12,6 @@ pub const RADIUS: f64 = 0.15;
 /// Distance between the centre lines of the tracks, metres.
 pub const TRACK_WIDTH: f64 = 0.24;
 
-/// A place on the floor, in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Point {
     /// Along the room's width.
@@ -54,7 +53,6 @@ impl Point {
     }
 }
 
-/// A position and a heading.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// Metres along the room's width.
@@ -71,12 +69,10 @@ impl Pose {
         Pose { x, y, heading }
     }
 
-    /// Creates a pose at a point with a heading.
     pub fn at(point: Point, heading: f64) -> Pose {
         Pose::new(point.x, point.y, heading)
     }
 
-    /// Returns the position without the heading.
     pub fn point(self) -> Point {
         Point::new(self.x, self.y)
     }

@@ -10,8 +10,8 @@ use image::RgbImage;
 use self::canvas::{Ink, MapCanvas, Pixel, TextStyle};
 use crate::sim::camera::floor::drawing_path;
 use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::world::World;
 use crate::sim::world::objects::{Paint, Route};
+use crate::sim::world::{World, name_or};
 
 /// Approximate length of the longer side of the room, pixels.
 const SIDE: f64 = 1000.0;
@@ -295,10 +295,6 @@ fn names(world: &World, canvas: &mut MapCanvas) {
         let name = name_or(&sound.name, "sound");
         canvas.label(sound.at.point(), 18.0, name, TextStyle::small(SOUND));
     }
-}
-
-fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
-    if name.is_empty() { kind } else { name }
 }
 
 /// Draws the robot from above, with an arrow for its heading.

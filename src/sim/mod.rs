@@ -3,8 +3,6 @@
 //! and the type `Camera`, none of its optics, so that it stays independent of the agent code that it
 //! tests.
 
-#![warn(missing_docs)]
-
 mod body;
 mod camera;
 mod faults;
@@ -25,7 +23,7 @@ pub use geometry::{Point, Pose, RADIUS, TRACK_WIDTH};
 pub use server::connection::Transport;
 pub use server::handle::{Handle, ReceivedCommand};
 pub use server::{Options, Server};
-pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape};
+pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Sign, Tape};
 pub use world::objects::{
     Ball, Decor, Floor, Furniture, Paint, Post, Room, Route, Rug, Sill, Spot, Start, Walker, Wall,
 };
@@ -35,6 +33,6 @@ pub use world::settings::{
 };
 pub use world::station::{DockingSettings, Leaves, Station};
 pub use world::{Wifi, World};
-pub use yaml::{DocumentError, DocumentKind};
+pub use yaml::DocumentError;
 
 pub use crate::vision::Subsampling;

@@ -20,9 +20,9 @@ use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
 use crate::sim::faults::FaultKind;
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacle, Obstacles};
+use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, number};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const BUILTIN: [(&str, &str); 9] = [
@@ -64,17 +64,14 @@ const LATEST: Duration = Duration::from_millis(1000);
 /// Steps of the delay, so that a robot that drives does not change it all the time.
 const STEPS: f64 = 20.0;
 
-/// A simulated place.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
-    /// The world's name.
     #[serde(default)]
     pub name: String,
     /// What the robot is like where this world does not say it.
     #[serde(default)]
     pub preset: Preset,
-    /// The four outer walls and the floor.
     pub room: Room,
     /// Inner walls, as high as the room.
     #[serde(default)]
@@ -91,7 +88,6 @@ pub struct World {
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
-    /// Round posts.
     #[serde(default)]
     pub posts: Vec<Post>,
     /// Lines of tape on the floor.
@@ -109,7 +105,6 @@ pub struct World {
     /// Sound sources that the microphone hears besides the robot.
     #[serde(default)]
     pub sounds: Vec<Noise>,
-    /// The charging station.
     pub station: Station,
     /// The robot's start pose; on the station if omitted.
     #[serde(default)]
@@ -120,7 +115,6 @@ pub struct World {
     /// How the battery drains and charges.
     #[serde(default)]
     pub battery: BatterySettings,
-    /// The camera's properties.
     #[serde(default)]
     pub camera: CameraSettings,
     /// How the tracks follow their commands, differ and slip.
@@ -132,7 +126,6 @@ pub struct World {
 }
 
 impl World {
-    /// Returns the robot's start pose.
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
@@ -155,25 +148,6 @@ impl World {
         let inner = self.walls.iter().map(Wall::footprint);
         let all = std::iter::once(self.room.footprint()).chain(inner);
         all.flat_map(Rectangle::sides)
-    }
-
-    pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
-        let (kind, name) = match obstacle {
-            Obstacle::Wall => ("wall", ""),
-            Obstacle::Station => ("station", ""),
-            Obstacle::Furniture(index) => (
-                "furniture",
-                self.furniture.get(index).map_or("", |item| &item.name),
-            ),
-            Obstacle::Post(_) => ("post", ""),
-            Obstacle::Ball(_) => ("ball", ""),
-            Obstacle::Walker(index) => (
-                "walker",
-                self.walkers.get(index).map_or("", |who| &who.name),
-            ),
-        };
-        let name = if name.is_empty() { kind } else { name };
-        name.to_owned()
     }
 
     /// Returns everything that a robot can run into, at its initial place.
@@ -247,7 +221,6 @@ impl World {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
-    /// Returns the built-in world with this name.
     pub fn builtin(name: &str) -> Option<World> {
         World::from_yaml(World::builtin_yaml(name)?, &format!("{name}.yaml")).ok()
     }
@@ -278,23 +251,25 @@ impl World {
         preset
             .complete(&mut world, text)
             .map_err(|error| yaml::error(&error, name))?;
-        validate::check(&world).map_err(|error| {
-            DocumentError::invalid(name, yaml::find(text, &error.path), error.message)
+        validate::check(&world).map_err(|(path, message)| {
+            DocumentError::invalid(name, yaml::find(text, &path), message)
         })?;
         Ok(world)
     }
 
-    /// Reads a world from a file.
     pub fn load(path: &Path) -> Result<World, DocumentError> {
-        yaml::load(path, DocumentKind::World, World::from_yaml)
+        yaml::load(path, "world", World::from_yaml)
     }
 }
 
-/// The access point.
+/// Returns the name of a thing, or else its kind.
+pub(crate) fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
+    if name.is_empty() { kind } else { name }
+}
+
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wifi {
-    /// Its place.
     pub at: Spot,
     /// Distance up to which it reaches the robot, metres, in a straight line without walls.
     #[serde(deserialize_with = "number::reach")]
@@ -321,6 +296,9 @@ mod tests {
             );
         }
         assert!(World::builtin("nowhere").is_none());
+        assert_eq!(World::default_world().name, "living room");
+        let playpen = World::builtin("playpen").unwrap();
+        assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
     }
 
     #[test]
@@ -372,47 +350,10 @@ mod tests {
     }
 
     #[test]
-    fn the_built_in_worlds_are_valid() {
-        assert_eq!(World::default_world().name, "living room");
-        let playpen = include_str!("../../behaviours/worlds/playpen.yaml");
-        let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
-        assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
-    }
-
-    #[test]
     fn missing_keys_have_defaults() {
         let world = World::from_yaml(&format!("{ROOM}{STATION}"), "w.yaml").unwrap();
         assert_eq!(world.battery, BatterySettings::default());
         assert_eq!((world.light, world.camera.fps), (1.0, 15.0));
-    }
-
-    #[test]
-    fn an_unknown_key_is_rejected_with_its_place_and_a_suggestion() {
-        let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
-        assert!(text.starts_with("w.yaml:6:5: "), "{text}");
-        assert!(
-            text.contains("raduis") && text.ends_with("did you mean `radius`?"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn values_out_of_range_are_rejected_with_their_place() {
-        for (more, place) in [
-            ("light: .nan\n", "w.yaml:3:8: "),
-            ("light: -1\n", "w.yaml:3:8: "),
-            (
-                "balls: [{at: [1, 1], colour: red, radius: 9}]\n",
-                "w.yaml:3:43: ",
-            ),
-            ("battery: {level: .inf}\n", "w.yaml:3:18: "),
-            ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
-            ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
-        ] {
-            let text = fault(more);
-            assert!(text.starts_with(place), "{text}");
-            assert!(text.contains("expected a number from"), "{text}");
-        }
     }
 
     #[test]
@@ -443,30 +384,6 @@ mod tests {
     }
 
     #[test]
-    fn wrong_types_are_rejected_with_their_place() {
-        for (more, place) in [
-            ("light: bright\n", "w.yaml:3:8: "),
-            ("balls: 3\n", "w.yaml:3:8: "),
-            ("balls: [{at: [1], colour: red}]\n", "w.yaml:3:14: "),
-            ("balls: [{at: [1, 1], colour: rot}]\n", "w.yaml:3:30: "),
-            ("balls: [{at: [1, 1]}]\n", "w.yaml:3:9: "),
-            ("camera: {fps: [}\n", "w.yaml:3:15: "),
-        ] {
-            let text = fault(more);
-            assert!(text.starts_with(place), "{more}{text}");
-        }
-    }
-
-    #[test]
-    fn things_outside_the_room_are_rejected_with_their_place() {
-        let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
-        assert!(
-            text.starts_with("w.yaml:5:10: [7, 1] is outside the room"),
-            "{text}"
-        );
-    }
-
-    #[test]
     fn a_blocked_start_or_station_is_rejected() {
         let text = fault("start: {at: [3, 0.1]}\n");
         assert!(
@@ -481,21 +398,41 @@ mod tests {
     }
 
     #[test]
-    fn too_many_things_are_rejected() {
-        let ball = "  - {at: [1, 1], colour: red}\n";
-        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_OBJECTS + 1)));
-        assert!(text.contains("201 balls are too many"), "{text}");
-    }
-
-    #[test]
     fn the_error_names_a_missing_file() {
         let error = World::load(Path::new("no/such/world.yaml")).unwrap_err();
         assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
     }
 
     #[test]
-    fn errors_in_movers_and_fixtures_name_their_place() {
+    fn mistakes_name_their_place() {
         for (more, wanted) in [
+            (
+                "balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n",
+                "w.yaml:6:5: ",
+            ),
+            (
+                "balls: [{at: [1, 1], colour: red, raduis: 0.1}]\n",
+                "did you mean `radius`?",
+            ),
+            (
+                "balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n",
+                "w.yaml:5:10: [7, 1] is outside the room",
+            ),
+            ("light: .nan\n", "w.yaml:3:8: "),
+            ("light: -1\n", "expected a number from 0 to 1"),
+            ("light: bright\n", "w.yaml:3:8: "),
+            (
+                "balls: [{at: [1, 1], colour: red, radius: 9}]\n",
+                "w.yaml:3:43: ",
+            ),
+            ("balls: 3\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1], colour: red}]\n", "w.yaml:3:14: "),
+            ("balls: [{at: [1, 1], colour: rot}]\n", "w.yaml:3:30: "),
+            ("balls: [{at: [1, 1]}]\n", "w.yaml:3:9: "),
+            ("battery: {level: .inf}\n", "w.yaml:3:18: "),
+            ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
+            ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
+            ("camera: {fps: [}\n", "w.yaml:3:15: "),
             (
                 "lines: [{through: [[1, 1]], colour: red}]\n",
                 "w.yaml:3:19: 1 corners; expected 2 to 200",
@@ -585,6 +522,8 @@ mod tests {
             "signs: [{{at: [1, 1], heading_degrees: 0, text: {long}}}]\n"
         ));
         assert!(text.contains("101 bytes are too many for a sign"), "{text}");
+        let balls = "  - {at: [1, 1], colour: red}\n".repeat(MAX_OBJECTS + 1);
+        assert!(fault(&format!("balls:\n{balls}")).contains("201 balls are too many"));
         let lamps = "  - {at: [1, 1]}\n".repeat(MAX_LAMPS + 1);
         assert!(fault(&format!("lamps:\n{lamps}")).contains("17 lamps are too many"));
     }

@@ -12,58 +12,16 @@ use serde::de::{
 use crate::files::ReadError;
 use crate::{files, yaml};
 
-/// What a document describes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DocumentKind {
-    /// A simulated world.
-    World,
-    /// The behaviour of a simulated robot's firmware.
-    Firmware,
-    /// A list of faults.
-    Faults,
-}
-
-impl DocumentKind {
-    fn question(self) -> &'static str {
-        match self {
-            DocumentKind::World => "is it a world?",
-            DocumentKind::Firmware => "does it describe a firmware?",
-            DocumentKind::Faults => "is it a list of faults?",
-        }
-    }
-}
-
-impl fmt::Display for DocumentKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            DocumentKind::World => "world",
-            DocumentKind::Firmware => "firmware",
-            DocumentKind::Faults => "faults",
-        })
-    }
-}
-
-/// A document that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
-    /// The file cannot be read.
     #[error("cannot read the {kind} {name}: {source}")]
     Read {
-        /// The expected content of the file.
-        kind: DocumentKind,
-        /// The file.
+        kind: &'static str,
         name: String,
-        /// The cause.
         source: std::io::Error,
     },
-    /// The file is too long.
-    #[error("{name} is longer than {} bytes: {}", yaml::MAX_LEN, .kind.question())]
-    TooLong {
-        /// The expected content of the file.
-        kind: DocumentKind,
-        /// The file.
-        name: String,
-    },
+    #[error("{name} is longer than {} bytes: is it a {kind}?", yaml::MAX_LEN)]
+    TooLong { kind: &'static str, name: String },
     /// The YAML is not a valid document of the expected kind.
     #[error("{name}:{line}:{column}: {message}")]
     Invalid {
@@ -102,10 +60,10 @@ impl DocumentError {
     }
 }
 
-/// Reads a file of limited length and passes its text and its name to `parse`.
+/// Reads a file of limited length, such as a "world", and passes its text and its name to `parse`.
 pub(crate) fn load<T>(
     path: &Path,
-    kind: DocumentKind,
+    kind: &'static str,
     parse: impl FnOnce(&str, &str) -> Result<T, DocumentError>,
 ) -> Result<T, DocumentError> {
     let name = path.display().to_string();

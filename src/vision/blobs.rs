@@ -269,7 +269,7 @@ impl Candidate {
         let pixels = region.moments.pixels as u32;
         let area = w * h;
         let (cx, cy) = region.moments.centroid();
-        let axes = region.moments.axes();
+        let (rotation, roundness) = region.moments.axes();
         Blob {
             x: region.left,
             y: region.top,
@@ -280,9 +280,9 @@ impl Candidate {
             pixels,
             area,
             density: f64::from(pixels) / f64::from(area),
-            rotation: axes.rotation,
-            elongation: 1.0 - axes.roundness,
-            roundness: axes.roundness,
+            rotation,
+            elongation: 1.0 - roundness,
+            roundness,
             perimeter: region.perimeter as u32,
             code: self.code,
             count: self.count,

@@ -4,6 +4,7 @@
 //! The lens follows Brown and Conrady, with the numbers that OpenCV's `calibrateCamera` gives for
 //! pictures of 320x240; other sizes are scaled.
 
+use nalgebra::{Matrix2, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::Size;
@@ -85,20 +86,11 @@ impl Horizon {
     }
 }
 
-/// A position in the plane one focal length ahead of the lens.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Slopes {
-    right: f64,
-    down: f64,
-}
+/// A position in the plane one focal length ahead of the lens: to the right and down.
+type Slopes = Vector2<f64>;
 
-/// A direction in the robot's frame, of any length.
-#[derive(Debug, Clone, Copy)]
-struct Ray {
-    ahead: f64,
-    right: f64,
-    up: f64,
-}
+/// A direction in the robot's frame, of any length: ahead, to the right and up.
+type Ray = Vector3<f64>;
 
 impl Default for Camera {
     /// The robot's camera as genuine pictures show it, on a head that looks level.
@@ -141,8 +133,8 @@ impl Camera {
             let back = self.distorted(there);
             let off = self.plane(f64::from(x), f64::from(y), REFERENCE);
             let close = RETURNS_WITHIN / self.focal[0];
-            there.radius() <= self.limit()
-                && (back.right - off.right).hypot(back.down - off.down) < close
+            there.norm() <= self.limit()
+                && (back.x - off.x).hypot(back.y - off.y) < close
                 && self.is_increasing(there)
         };
         (0..=REFERENCE.width)
@@ -154,15 +146,15 @@ impl Camera {
     pub fn direction(&self, x: f64, y: f64, size: Size) -> Direction {
         let ray = self.ray(x, y, size);
         Direction {
-            bearing: (-ray.right).atan2(ray.ahead),
-            elevation: ray.up.atan2(ray.ahead.hypot(ray.right)),
+            bearing: (-ray.y).atan2(ray.x),
+            elevation: ray.z.atan2(ray.x.hypot(ray.y)),
         }
     }
 
     /// Horizontal direction of a position in radians, left positive, 0 straight ahead.
     pub fn bearing(&self, x: f64, y: f64, size: Size) -> f64 {
         let ray = self.ray(x, y, size);
-        (-ray.right).atan2(ray.ahead)
+        (-ray.y).atan2(ray.x)
     }
 
     /// Column and row where a direction is seen, possibly outside the picture; `None` if it is to
@@ -173,33 +165,27 @@ impl Camera {
             return None;
         }
         let level = elevation.cos();
-        let ray = Ray {
-            ahead: level * bearing.cos(),
-            right: -level * bearing.sin(),
-            up: elevation.sin(),
-        };
-        self.pixel_of(ray, size)
-    }
-
-    fn pixel_of(&self, ray: Ray, size: Size) -> Option<(f64, f64)> {
+        let ahead = level * bearing.cos();
+        let aside = -level * bearing.sin();
+        let up = elevation.sin();
         let (roll_sin, roll_cos) = self.roll.to_radians().sin_cos();
         let (pitch_sin, pitch_cos) = self.pitch.to_radians().sin_cos();
-        let depth = pitch_cos * ray.ahead + pitch_sin * ray.up;
-        let below = pitch_sin * ray.ahead - pitch_cos * ray.up;
-        let right = (roll_cos * ray.right - roll_sin * below) / depth;
-        let down = (roll_sin * ray.right + roll_cos * below) / depth;
-        let slopes = Slopes { right, down };
-        let is_ahead = depth > 0.0 && slopes.radius() <= STEEPEST;
+        let depth = pitch_cos * ahead + pitch_sin * up;
+        let below = pitch_sin * ahead - pitch_cos * up;
+        let right = (roll_cos * aside - roll_sin * below) / depth;
+        let down = (roll_sin * aside + roll_cos * below) / depth;
+        let slopes = Slopes::new(right, down);
+        let is_ahead = depth > 0.0 && slopes.norm() <= STEEPEST;
         is_ahead.then(|| self.position(self.distorted(slopes), size))
     }
 
     /// The place on the floor that a position shows; `None` at the horizon and above it.
     pub fn floor_position(&self, x: f64, y: f64, size: Size) -> Option<FloorPosition> {
         let ray = self.ray(x, y, size);
-        let times = -self.height / ray.up;
-        (ray.up < 0.0 && times.is_finite()).then(|| FloorPosition {
-            ahead: times * ray.ahead,
-            left: -times * ray.right,
+        let times = -self.height / ray.z;
+        (ray.z < 0.0 && times.is_finite()).then(|| FloorPosition {
+            ahead: times * ray.x,
+            left: -times * ray.y,
         })
     }
 
@@ -224,24 +210,24 @@ impl Camera {
 
     /// The direction of a position in the robot's frame.
     fn ray(&self, x: f64, y: f64, size: Size) -> Ray {
-        let Slopes { right, down } = self.undistorted(self.plane(x, y, size));
+        let slopes = self.undistorted(self.plane(x, y, size));
         let (roll_sin, roll_cos) = self.roll.to_radians().sin_cos();
         let (pitch_sin, pitch_cos) = self.pitch.to_radians().sin_cos();
-        let below = roll_cos * down - roll_sin * right;
-        Ray {
-            ahead: pitch_cos + pitch_sin * below,
-            right: roll_cos * right + roll_sin * down,
-            up: pitch_sin - pitch_cos * below,
-        }
+        let below = roll_cos * slopes.y - roll_sin * slopes.x;
+        Ray::new(
+            pitch_cos + pitch_sin * below,
+            roll_cos * slopes.x + roll_sin * slopes.y,
+            pitch_sin - pitch_cos * below,
+        )
     }
 
     /// Column and row of a position that is given in focal lengths from the optical axis.
-    fn position(&self, Slopes { right, down }: Slopes, size: Size) -> (f64, f64) {
+    fn position(&self, place: Slopes, size: Size) -> (f64, f64) {
         let (x, y) = self.axis(size);
         let scale = scale(size.width);
         (
-            x + self.focal[0] * scale * right,
-            y + self.focal[1] * scale * down,
+            x + self.focal[0] * scale * place.x,
+            y + self.focal[1] * scale * place.y,
         )
     }
 
@@ -249,10 +235,10 @@ impl Camera {
     fn plane(&self, x: f64, y: f64, size: Size) -> Slopes {
         let axis = self.axis(size);
         let scale = scale(size.width);
-        Slopes {
-            right: (x - axis.0) / (self.focal[0] * scale),
-            down: (y - axis.1) / (self.focal[1] * scale),
-        }
+        Slopes::new(
+            (x - axis.0) / (self.focal[0] * scale),
+            (y - axis.1) / (self.focal[1] * scale),
+        )
     }
 
     /// Column and row of the optical axis.
@@ -268,34 +254,32 @@ impl Camera {
 
     /// Where the lens shows what a lens without distortion would show here.
     fn distorted(&self, place: Slopes) -> Slopes {
-        let radius = place.radius();
+        let radius = place.norm();
         let limit = self.limit();
         if radius <= limit {
             return self.brown_conrady(place);
         }
         // Straight on along the ray from the axis, with the speed that the model has at the limit.
         let [k1, k2, ..] = self.distortion;
-        let edge = place.times(limit / radius);
+        let edge = place * (limit / radius);
         let shown = self.brown_conrady(edge);
         let square = limit * limit;
-        let radial = edge.times(1.0 + square * (k1 + k2 * square));
+        let radial = edge * (1.0 + square * (k1 + k2 * square));
         let slope = 1.0 + square * (3.0 * k1 + 5.0 * k2 * square);
         let beyond = (radius - limit) / limit;
-        Slopes {
-            right: shown.right + beyond * (slope * edge.right + 2.0 * (shown.right - radial.right)),
-            down: shown.down + beyond * (slope * edge.down + 2.0 * (shown.down - radial.down)),
-        }
+        shown + beyond * (slope * edge + 2.0 * (shown - radial))
     }
 
-    fn brown_conrady(&self, Slopes { right, down }: Slopes) -> Slopes {
+    fn brown_conrady(&self, place: Slopes) -> Slopes {
         let [k1, k2, p1, p2] = self.distortion;
+        let [right, down] = place.into();
         let square = right * right + down * down;
         let factor = 1.0 + square * (k1 + k2 * square);
         let product = 2.0 * right * down;
-        Slopes {
-            right: factor * right + p1 * product + p2 * (square + 2.0 * right * right),
-            down: factor * down + p1 * (square + 2.0 * down * down) + p2 * product,
-        }
+        Slopes::new(
+            factor * right + p1 * product + p2 * (square + 2.0 * right * right),
+            factor * down + p1 * (square + 2.0 * down * down) + p2 * product,
+        )
     }
 
     /// The inverse of [`Camera::distorted`], by Newton's method.
@@ -306,40 +290,45 @@ impl Camera {
         let limit = self.limit();
         let mut place = shown;
         for _ in 0..MAX_STEPS {
-            let found = self.distorted(place);
-            let jacobian = self.jacobian(place.times((limit / place.radius()).min(1.0)));
-            let Some(step) = jacobian.solve(Slopes {
-                right: shown.right - found.right,
-                down: shown.down - found.down,
-            }) else {
+            let off = shown - self.distorted(place);
+            let slope = self.jacobian(place * (limit / place.norm()).min(1.0));
+            let determinant = slope.determinant();
+            if determinant <= 0.0 || determinant.is_nan() {
                 return place;
-            };
-            place.right += step.right;
-            place.down += step.down;
-            if step.radius() < CLOSE || !place.radius().is_finite() {
+            }
+            let step = Slopes::new(
+                slope.m22 * off.x - slope.m12 * off.y,
+                slope.m11 * off.y - slope.m12 * off.x,
+            ) / determinant;
+            place += step;
+            if step.norm() < CLOSE || !place.norm().is_finite() {
                 break;
             }
         }
         place
     }
 
-    fn jacobian(&self, Slopes { right, down }: Slopes) -> Jacobian {
+    /// The derivative of the distortion, which is symmetric.
+    fn jacobian(&self, place: Slopes) -> Matrix2<f64> {
         let [k1, k2, p1, p2] = self.distortion;
+        let [right, down] = place.into();
         let square = right * right + down * down;
         let factor = 1.0 + square * (k1 + k2 * square);
         let growth = 2.0 * k1 + 4.0 * k2 * square;
-        Jacobian {
-            right: factor + right * right * growth + 2.0 * p1 * down + 6.0 * p2 * right,
-            across: right * down * growth + 2.0 * p1 * right + 2.0 * p2 * down,
-            down: factor + down * down * growth + 6.0 * p1 * down + 2.0 * p2 * right,
-        }
+        let across = right * down * growth + 2.0 * p1 * right + 2.0 * p2 * down;
+        Matrix2::new(
+            factor + right * right * growth + 2.0 * p1 * down + 6.0 * p2 * right,
+            across,
+            across,
+            factor + down * down * growth + 6.0 * p1 * down + 2.0 * p2 * right,
+        )
     }
 
-    /// Whether the distortion's derivative is positive definite here. It is symmetric, so where it
-    /// is positive definite in a convex area, the lens maps that area one-to-one.
+    /// Whether the distortion's derivative is positive definite here. Where it is in a convex area,
+    /// the lens maps that area one-to-one.
     fn is_increasing(&self, place: Slopes) -> bool {
         let slope = self.jacobian(place);
-        slope.right > 0.0 && slope.right * slope.down > slope.across * slope.across
+        slope.m11 > 0.0 && slope.determinant() > 0.0
     }
 
     /// The undistorted radius up to which the model of the lens is used: where the radial slope
@@ -365,38 +354,6 @@ impl Camera {
         } else {
             STEEPEST
         }
-    }
-}
-
-impl Slopes {
-    /// Without `hypot`, whose care for extreme numbers takes as long as the rest of the model.
-    fn radius(self) -> f64 {
-        (self.right * self.right + self.down * self.down).sqrt()
-    }
-
-    fn times(self, factor: f64) -> Slopes {
-        Slopes {
-            right: self.right * factor,
-            down: self.down * factor,
-        }
-    }
-}
-
-/// The derivative of the distortion, which is symmetric.
-#[derive(Debug, Clone, Copy)]
-struct Jacobian {
-    right: f64,
-    across: f64,
-    down: f64,
-}
-
-impl Jacobian {
-    fn solve(&self, off: Slopes) -> Option<Slopes> {
-        let determinant = self.right * self.down - self.across * self.across;
-        (determinant > 0.0).then(|| Slopes {
-            right: (self.down * off.right - self.across * off.down) / determinant,
-            down: (self.right * off.down - self.across * off.right) / determinant,
-        })
     }
 }
 
@@ -477,13 +434,9 @@ mod tests {
             let ends = [from, to];
             let most = (0..=20).map(|step| {
                 let share = f64::from(step) / 20.0;
-                let between = Slopes {
-                    right: a.right + share * (b.right - a.right),
-                    down: a.down + share * (b.down - a.down),
-                };
-                let shown = camera.distorted(between);
-                let x = 156.71 + 381.03 * shown.right - ends[0].0;
-                let y = 115.91 + 379.87 * shown.down - ends[0].1;
+                let shown = camera.distorted(a.lerp(&b, share));
+                let x = 156.71 + 381.03 * shown.x - ends[0].0;
+                let y = 115.91 + 379.87 * shown.y - ends[0].1;
                 let dx: f64 = ends[1].0 - ends[0].0;
                 let dy: f64 = ends[1].1 - ends[0].1;
                 ((x * dy - y * dx) / dx.hypot(dy)).abs()
@@ -502,22 +455,15 @@ mod tests {
         let limit = camera.limit();
         let corners = [(0.0, 0.0), (319.0, 0.0), (0.0, 239.0), (319.0, 239.0)];
         for (x, y) in corners {
-            let radius = camera.undistorted(camera.plane(x, y, SIZE)).radius();
+            let radius = camera.undistorted(camera.plane(x, y, SIZE)).norm();
             assert!(radius < 0.8 * limit, "{radius} {limit}");
         }
         for angle in 0..360 {
             let (sin, cos) = f64::from(angle).to_radians().sin_cos();
             for step in 0..=100 {
                 let radius = limit * f64::from(step) / 100.0;
-                let Jacobian {
-                    right,
-                    across,
-                    down,
-                } = camera.jacobian(Slopes {
-                    right: radius * cos,
-                    down: radius * sin,
-                });
-                assert!(right + down > 0.0 && right * down - across * across > 0.1);
+                let slope = camera.jacobian(Slopes::new(radius * cos, radius * sin));
+                assert!(slope.trace() > 0.0 && slope.determinant() > 0.1);
             }
         }
     }
@@ -638,12 +584,11 @@ mod tests {
             pitch in -20.0..15.0, roll in -10.0..10.0,
         ) {
             let camera = posed(height, pitch, roll);
-            let ray = Ray {
-                ahead,
-                right: -left,
-                up: -height,
+            let direction = Direction {
+                bearing: left.atan2(ahead),
+                elevation: (-height).atan2(ahead.hypot(left)),
             };
-            let (x, y) = camera.pixel_of(ray, SIZE).unwrap();
+            let (x, y) = camera.pixel(direction, SIZE).unwrap();
             let back = camera.floor_position(x, y, SIZE).unwrap();
             prop_assert!((back.ahead - ahead).hypot(back.left - left) < 1e-6, "{back:?}");
         }

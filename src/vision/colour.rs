@@ -61,41 +61,10 @@ pub enum Colour {
     Named(NamedColour),
 }
 
-/// Why three ranges do not define a colour.
+/// Why ranges or a name do not define a colour.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ColourError {
-    /// A bound is outside the channel's limits or is not a number.
-    #[error("{channel} = {low}..{high} must lie within {least}..{most}")]
-    OutOfRange {
-        /// The channel's letter.
-        channel: char,
-        /// The lower bound as given.
-        low: f64,
-        /// The upper bound as given.
-        high: f64,
-        /// The channel's lower limit.
-        least: f64,
-        /// The channel's upper limit.
-        most: f64,
-    },
-    /// The lower bound is above the upper one.
-    #[error("{channel} = {low}..{high} is empty: write the smaller number first")]
-    Empty {
-        /// The channel's letter.
-        channel: char,
-        /// The lower bound as given.
-        low: f64,
-        /// The upper bound as given.
-        high: f64,
-    },
-    /// Channels of both spaces, or of neither.
-    #[error("a colour needs l, a, b or h, s, v or a name, not several of them")]
-    Mixed,
-    /// No colour has this name.
-    #[error("no colour has the name {0:?}: use one of {names}", names = Colour::NAMES.join(", "))]
-    UnknownName(String),
-}
+#[error("{0}")]
+pub struct ColourError(String);
 
 /// Ranges of hue, saturation and value, as in [`Colour::Hsv`].
 type HsvRanges = [Span; 3];
@@ -241,24 +210,19 @@ fn bounded(
     if fits(low) && fits(high) {
         Ok(Span(low, high))
     } else {
-        Err(ColourError::OutOfRange {
-            channel,
-            low,
-            high,
-            least,
-            most,
-        })
+        Err(ColourError(format!(
+            "{channel} = {low}..{high} must lie within {least}..{most}"
+        )))
     }
 }
 
 fn rising(channel: char, range: [f64; 2], least: f64, most: f64) -> Result<Span, ColourError> {
     let span = bounded(channel, range, least, most)?;
     if span.0 > span.1 {
-        return Err(ColourError::Empty {
-            channel,
-            low: span.0,
-            high: span.1,
-        });
+        let Span(low, high) = span;
+        return Err(ColourError(format!(
+            "{channel} = {low}..{high} is empty: write the smaller number first"
+        )));
     }
     Ok(span)
 }
@@ -308,9 +272,16 @@ impl TryFrom<Written> for Colour {
                 hsv[2].unwrap_or(percent),
             ),
             (false, false, Some(name)) => {
-                Colour::named(&name).ok_or(ColourError::UnknownName(name))
+                let names = Colour::NAMES.join(", ");
+                Colour::named(&name).ok_or_else(|| {
+                    ColourError(format!(
+                        "no colour has the name {name:?}: use one of {names}"
+                    ))
+                })
             }
-            _ => Err(ColourError::Mixed),
+            _ => Err(ColourError(
+                "a colour needs l, a, b or h, s, v or a name, not several of them".to_owned(),
+            )),
         }
     }
 }

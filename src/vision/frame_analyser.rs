@@ -50,16 +50,6 @@ impl FrameAnalyser {
         }
     }
 
-    /// Decodes the part of the next frame that has been received; see [`Decoder::decode_ahead`].
-    pub fn decode_ahead(&mut self, beginning: &[u8]) {
-        self.decoder.decode_ahead(beginning);
-    }
-
-    /// The number of the last frame that was decoded, successfully or not.
-    pub fn last_frame(&self) -> Option<u64> {
-        self.last.as_ref().map(|(key, _)| *key)
-    }
-
     /// Finds the blobs of frame number `key` in any of the colours, largest first. The list is
     /// valid until the next call.
     pub fn find_blobs(

@@ -62,7 +62,8 @@ pub struct Motion<'a> {
 pub struct MotionDetector {
     options: MotionOptions,
     camera: Camera,
-    half: Size2,
+    /// Width and height of the pictures of half size.
+    half: (usize, usize),
     now: Vec<u8>,
     before: Vec<u8>,
     around_now: BoxSums,
@@ -84,22 +85,19 @@ impl MotionDetector {
 
     /// Forgets the previous frame; to be called while the camera moves.
     pub fn reset(&mut self) {
-        self.half = Size2::default();
+        self.half = (0, 0);
     }
 
     /// Detects what has moved since the previous frame. Finds nothing in the first frame and after
     /// a change of size.
     pub fn update(&mut self, image: &Image) -> Motion<'_> {
         let size = image.size();
-        let half = Size2 {
-            w: size.width as usize / 2,
-            h: size.height as usize / 2,
-        };
+        let half = (size.width as usize / 2, size.height as usize / 2);
         std::mem::swap(&mut self.now, &mut self.before);
         std::mem::swap(&mut self.around_now, &mut self.around_before);
         image.halve_luma(&mut self.now);
-        self.around_now.sum(&self.now, half);
-        let comparable = self.half == half && half.w > 0 && half.h > 0;
+        self.around_now.sum(&self.now, half.0);
+        let comparable = self.half == half && !self.now.is_empty();
         self.half = half;
         let cells = if comparable { self.compare() } else { 0 };
         let pixels = cells * 4;
@@ -130,7 +128,7 @@ impl MotionDetector {
     /// affected, the new edges decide: someone who comes into view close by brings many, but then
     /// the old edges have stayed.
     fn has_camera_moved(&self) -> bool {
-        let share = |picture| share_of_changed(picture, &self.moved, self.half).unwrap_or(0.0);
+        let share = |picture| share_of_changed(picture, &self.moved, self.half.0).unwrap_or(0.0);
         let gone = share(&self.before);
         gone > MAX_TILES || (gone > MANY_TILES && share(&self.now) > MAX_NEW_TILES)
     }
@@ -155,7 +153,7 @@ impl MotionDetector {
     }
 
     fn drop_isolated_changes(&mut self) {
-        let Size2 { w, h } = self.half;
+        let (w, h) = self.half;
         self.moved.clear();
         self.moved.resize(w * h, 0);
         for y in 1..h.saturating_sub(1) {
@@ -172,7 +170,7 @@ impl MotionDetector {
     }
 
     fn blobs(&mut self, size: Size) -> &[Blob] {
-        let Size2 { w, h } = self.half;
+        let (w, h) = self.half;
         let moved = &self.moved;
         let label_row = |y: u32, x: u32, row: &mut [u8]| {
             let y = (y as usize / 2).min(h - 1);
@@ -194,12 +192,6 @@ impl MotionDetector {
 /// Half the side of a box: this many pixels on each side of the pixel.
 const REACH: usize = 7;
 
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-struct Size2 {
-    w: usize,
-    h: usize,
-}
-
 /// Sums over a square around every pixel; at the border the square is clipped.
 #[derive(Debug, Default)]
 struct BoxSums {
@@ -208,8 +200,10 @@ struct BoxSums {
 }
 
 impl BoxSums {
-    /// Computes the sums with two running sums: down every column, then along every row.
-    fn sum(&mut self, values: &[u8], Size2 { w, h }: Size2) {
+    /// Computes the sums of rows of this width with two running sums: down every column, then along
+    /// every row.
+    fn sum(&mut self, values: &[u8], w: usize) {
+        let h = values.len() / w.max(1);
         self.sums.clear();
         self.columns.clear();
         self.columns.resize(w, 0);
@@ -256,10 +250,10 @@ const IN_A_TILE: u32 = 4;
 /// Least number of tiles with edges needed to tell whether the camera moved.
 const FEWEST_TILES: u32 = 8;
 
-/// The share of the tiles with vertical edges of this half-size picture in which pixels have moved (a
-/// moving camera changes most of them);
-/// `None` if too few tiles have edges.
-fn share_of_changed(picture: &[u8], moved_cells: &[u8], Size2 { w, h }: Size2) -> Option<f64> {
+/// The share of the tiles with vertical edges of this half-size picture, of width `w`, in which pixels
+/// have moved (a moving camera changes most of them); `None` if too few tiles have edges.
+fn share_of_changed(picture: &[u8], moved_cells: &[u8], w: usize) -> Option<f64> {
+    let h = picture.len() / w;
     let (contrast, reach) = EDGE;
     let mut tiles = 0u32;
     let mut changed = 0u32;
@@ -452,7 +446,7 @@ mod tests {
             (w, h) in (1usize..40, 1usize..30), values in proptest::collection::vec(any::<u8>(), 40 * 30),
         ) {
             let mut sums = BoxSums::default();
-            sums.sum(&values[..w * h], Size2 { w, h });
+            sums.sum(&values[..w * h], w);
             for (index, sum) in sums.sums.iter().enumerate() {
                 let around = |at: usize, limit: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(limit);
                 let rows = around(index / w, h);

@@ -75,7 +75,7 @@ impl Plane {
 }
 
 /// A decoded picture, stored like a JPEG: luma, Cb and Cr in separate planes.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Image {
     pub(crate) size: Size,
     pub(crate) planes: [Plane; 3],
@@ -83,45 +83,28 @@ pub struct Image {
     pub(crate) grey: bool,
 }
 
-impl Default for Image {
-    fn default() -> Self {
-        Image {
-            size: Size::default(),
-            planes: Default::default(),
-            grey: true,
-        }
-    }
-}
-
 impl Image {
     /// Converts these pixels, accurate to one level per channel.
     pub fn from_rgb(pixels: &RgbImage) -> Image {
-        let mut image = Image::default();
-        image.set_rgb(
-            Size {
-                width: pixels.width(),
-                height: pixels.height(),
-            },
-            pixels.as_raw(),
-        );
-        image
-    }
-
-    pub(crate) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
-        (self.size, self.grey) = (size, false);
-        for plane in &mut self.planes {
+        let size = Size {
+            width: pixels.width(),
+            height: pixels.height(),
+        };
+        let mut image = Image {
+            size,
+            ..Image::default()
+        };
+        for plane in &mut image.planes {
             plane.shape(size.width as usize, size.height as usize, 0, 0);
         }
-        let [luma, cb, cr] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
-        for (pixel, ((luma, cb), cr)) in rgb.as_chunks::<3>().0.iter().zip(luma.zip(cb).zip(cr)) {
-            [*luma, *cb, *cr] = ycc_of(*pixel);
+        let [luma, cb, cr] = image
+            .planes
+            .each_mut()
+            .map(|plane| plane.samples.iter_mut());
+        for (pixel, ((luma, cb), cr)) in pixels.pixels().zip(luma.zip(cb).zip(cr)) {
+            [*luma, *cb, *cr] = ycc_of(pixel.0);
         }
-    }
-
-    pub(crate) fn set_luma(&mut self, size: Size, luma: &[u8]) {
-        (self.size, self.grey) = (size, true);
-        self.planes[0].shape(size.width as usize, size.height as usize, 0, 0);
-        self.planes[0].samples.copy_from_slice(luma);
+        image
     }
 
     /// Width and height in pixels.

@@ -28,26 +28,14 @@ pub struct Skyline {
 #[derive(Debug, Clone)]
 pub struct SkylineReader {
     camera: Camera,
-    samples: Option<Samples>,
-}
-
-/// Where the samples of a skyline are in pictures of one size.
-#[derive(Debug, Clone)]
-struct Samples {
+    /// The size of the pictures for which the rest holds.
     size: Size,
     /// Rows in the column straight ahead.
     rows: Range<u32>,
     /// Rows by which the horizon is lower in each column; empty if it is level.
     shifts: Vec<f64>,
-    places: Vec<Place>,
-}
-
-/// A direction between a column and the next one.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
-    column: usize,
-    /// The share of the next one.
-    part: f64,
+    /// The samples: a column, and the share of the next one.
+    samples: Vec<(usize, f64)>,
 }
 
 impl SkylineReader {
@@ -55,52 +43,45 @@ impl SkylineReader {
     pub fn new(camera: Camera) -> SkylineReader {
         SkylineReader {
             camera,
-            samples: None,
+            size: Size::default(),
+            rows: 0..0,
+            shifts: Vec::new(),
+            samples: Vec::new(),
         }
     }
 
-    /// The skyline of a picture.
-    pub fn read(&mut self, image: &Image) -> Skyline {
-        let size = image.size();
-        let samples = match &mut self.samples {
-            Some(samples) if samples.size == size => samples,
-            samples => samples.insert(Samples::new(self.camera, size)),
+    fn place_samples(&mut self, size: Size) {
+        *self = SkylineReader {
+            size,
+            ..SkylineReader::new(self.camera)
         };
-        samples.skyline(image)
-    }
-}
-
-impl Samples {
-    fn new(camera: Camera, size: Size) -> Samples {
-        let horizon = camera.horizon(size);
+        let horizon = self.camera.horizon(size);
         let height = f64::from(size.height);
         let tilt = horizon.tilt(f64::from(size.width));
         let bottom = (horizon.y + 0.5).min(height - tilt);
         let top = (bottom - BAND * height).max(tilt);
-        let mut samples = Samples {
-            size,
-            rows: 0..0,
-            shifts: Vec::new(),
-            places: Vec::new(),
-        };
         if bottom - top < 1.0 || size.width < 2 {
-            return samples;
+            return;
         }
-        samples.rows = top as u32..bottom as u32;
+        self.rows = top as u32..bottom as u32;
         if horizon.slope != 0.0 {
             let shift = |column| horizon.shift(f64::from(column));
-            samples.shifts = (0..size.width).map(shift).collect();
+            self.shifts = (0..size.width).map(shift).collect();
         }
-        let row = f64::from(samples.rows.start + samples.rows.end) / 2.0;
+        let row = f64::from(self.rows.start + self.rows.end) / 2.0;
         let bearing = |column: u32| {
             let column = f64::from(column);
-            camera.bearing(column, row + horizon.shift(column), size)
+            self.camera
+                .bearing(column, row + horizon.shift(column), size)
         };
-        samples.places = places(&(0..size.width).map(bearing).collect::<Vec<_>>());
-        samples
+        self.samples = samples(&(0..size.width).map(bearing).collect::<Vec<_>>());
     }
 
-    fn skyline(&self, image: &Image) -> Skyline {
+    /// The skyline of a picture.
+    pub fn read(&mut self, image: &Image) -> Skyline {
+        if self.size != image.size() {
+            self.place_samples(image.size());
+        }
         let mut columns = vec![0u32; self.size.width as usize];
         for y in self.rows.clone() {
             if self.shifts.is_empty() {
@@ -119,21 +100,20 @@ impl Samples {
         }
         let rows = self.rows.len() as f64;
         let mean = |column: usize| f64::from(columns[column]) / rows;
-        let brightness = |place: &Place| {
-            mean(place.column) * (1.0 - place.part) + mean(place.column + 1) * place.part
-        };
+        let brightness =
+            |(column, part): &(usize, f64)| mean(*column) * (1.0 - part) + mean(column + 1) * part;
         Skyline {
-            places: self.places.iter().map(brightness).collect(),
+            places: self.samples.iter().map(brightness).collect(),
         }
     }
 }
 
-/// The places at equal angles between the bearings of at least two columns, which fall.
-fn places(bearings: &[f64]) -> Vec<Place> {
+/// The samples at equal angles between the bearings of at least two columns, which fall.
+fn samples(bearings: &[f64]) -> Vec<(usize, f64)> {
     let last = bearings.len() - 1;
     let half = (bearings[0].min(-bearings[last]) / STEP) as i32;
     let mut column = 0;
-    let mut places = Vec::new();
+    let mut samples = Vec::new();
     for place in -half..=half {
         let wanted = -f64::from(place) * STEP;
         while column + 1 < last && bearings[column + 1] > wanted {
@@ -142,9 +122,9 @@ fn places(bearings: &[f64]) -> Vec<Place> {
         let left = bearings[column];
         let right = bearings[column + 1];
         let part = ((left - wanted) / (left - right)).clamp(0.0, 1.0);
-        places.push(Place { column, part });
+        samples.push((column, part));
     }
-    places
+    samples
 }
 
 impl Skyline {

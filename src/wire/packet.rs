@@ -103,16 +103,6 @@ impl Decoder {
         }))
     }
 
-    /// The received part of an incomplete VIDEO message's payload.
-    pub fn partial_frame(&self) -> Option<&[u8]> {
-        let payload = self.partial.get(HEADER_LEN..)?;
-        if self.partial[KIND_OFFSET] == super::kind::VIDEO {
-            Some(payload)
-        } else {
-            None
-        }
-    }
-
     /// Buffered bytes of an incomplete message.
     pub fn buffered(&self) -> usize {
         self.partial.len()
@@ -148,45 +138,6 @@ impl Decoder {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    fn decode_all(mut input: &[u8]) -> (Vec<Packet>, Option<FramingError>) {
-        let mut decoder = Decoder::new();
-        let mut packets = Vec::new();
-        loop {
-            match decoder.decode(&mut input) {
-                Ok(Some(packet)) => packets.push(packet),
-                Ok(None) => return (packets, None),
-                Err(error) => return (packets, Some(error)),
-            }
-        }
-    }
-
-    #[test]
-    fn golden_move_and_stop_are_split_out_of_a_stream() {
-        let bytes = [
-            0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00, 0x50, 0x4B, 0x08, 0x00, 0x00,
-        ];
-        let (packets, error) = decode_all(&bytes);
-        assert_eq!(error, None);
-        assert_eq!(
-            packets,
-            [Packet::new(5, vec![0, 0]), Packet::new(8, vec![])]
-        );
-    }
-
-    #[test]
-    fn only_a_frame_is_shown_before_it_is_complete() {
-        let frame: &[u8] = &[0x50, 0x4B, super::super::kind::VIDEO, 0, 3, 7, 8];
-        let mut decoder = Decoder::new();
-        assert_eq!(decoder.decode(&mut &frame[..4]), Ok(None));
-        assert_eq!(decoder.partial_frame(), None);
-        assert_eq!(decoder.decode(&mut &frame[4..]), Ok(None));
-        assert_eq!(decoder.partial_frame(), Some([7, 8].as_slice()));
-        let power: &[u8] = &[0x50, 0x4B, super::super::kind::POWER, 0, 2, 50];
-        let mut decoder = Decoder::new();
-        assert_eq!(decoder.decode(&mut &*power), Ok(None));
-        assert_eq!(decoder.partial_frame(), None);
-    }
 
     #[test]
     fn a_header_without_pk_ends_the_stream_permanently() {

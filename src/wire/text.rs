@@ -123,7 +123,7 @@ pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::{Command, FileChunk, Packet, Report, Sound, kind};
+    use crate::wire::{Packet, Report, kind};
     use proptest::prelude::*;
 
     fn setting(key: &str, value: &str) -> Setting {
@@ -131,39 +131,6 @@ mod tests {
             key: key.into(),
             value: value.into(),
         }
-    }
-
-    /// Encoded as in `PROTOCOL.md`, *TCP messages*: "PK", type, big-endian length, payload.
-    #[test]
-    fn queries_settings_and_uploads_have_these_bytes() {
-        let set = Command::ConfigSet(Bytes::from_static(b"a=1&b=2"));
-        assert_eq!(
-            set.to_bytes()[..],
-            [
-                0x50, 0x4B, 0x0D, 0x00, 0x07, 0x61, 0x3D, 0x31, 0x26, 0x62, 0x3D, 0x32
-            ]
-        );
-        for (ask, byte) in [
-            (Command::ConfigQuery, 0x0D),
-            (Command::NetworksQuery, 0x0E),
-            (Command::LogQuery, 0x11),
-            (Command::PowerQuery, 0x03),
-        ] {
-            assert_eq!(ask.to_bytes()[..], [0x50, 0x4B, byte, 0x00, 0x00]);
-        }
-        let chunk = |flags, content: &'static [u8]| {
-            FileChunk::of_sound(Sound::User1, flags, Bytes::from_static(content)).unwrap()
-        };
-        let first = Command::File(chunk(FileChunk::FIRST, b"\xFF\xFB"));
-        let last = Command::File(chunk(FileChunk::LAST, b""));
-        assert_eq!(
-            first.to_bytes()[..],
-            [0x50, 0x4B, 0x06, 0x00, 0x04, 0x07, 0x01, 0xFF, 0xFB]
-        );
-        assert_eq!(
-            last.to_bytes()[..],
-            [0x50, 0x4B, 0x06, 0x00, 0x02, 0x07, 0x02]
-        );
     }
 
     #[test]

@@ -4,8 +4,7 @@
 //! and of a plain Python and OpenCV client that does the same calculations. All clients get the
 //! same frames from one robot, in one run.
 //!
-//! Frames are written at once, as over a cable, and packet by packet, as Wi-Fi delivers them: then
-//! a client that decodes while receiving has nearly finished when the last byte arrives.
+//! Frames are written at once, as over a cable, and packet by packet, as Wi-Fi delivers them.
 //!
 //! `scripts/bench-reaction` sets up the Python environment and calls this. For `scripts/bench-live`
 //! it compares runs without and with open pages (`SPYKEE_BENCH_VIEWERS=10,30`), and measures the

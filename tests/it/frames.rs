@@ -206,7 +206,6 @@ async fn an_unusable_folder_is_refused_before_the_robot_moves() {
     assert_eq!(rig.commands(0), []);
 }
 
-/// The host decodes frames as they arrive: scripts must see the same as in whole frames.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_script_sees_the_same_in_frames_that_arrive_in_pieces() {
     let world = format!(

@@ -562,9 +562,9 @@ async fn requests_are_answered_and_settings_accepted() {
     for line in [
         "config set: name",
         "file 6 stored, 3 bytes",
-        "motor speed",
-        "mute",
-        "type 99",
+        "MotorSpeed",
+        "Mute",
+        "kind: 99",
     ] {
         assert!(log.contains(line), "{line}: {log}");
     }

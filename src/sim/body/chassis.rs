@@ -20,14 +20,11 @@ const ACCELERATION: f64 = 1.5;
 /// One value for each track.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Tracks<T> {
-    /// The left track.
     pub left: T,
-    /// The right track.
     pub right: T,
 }
 
 impl<T> Tracks<T> {
-    /// Creates a pair from the left and the right value.
     pub const fn new(left: T, right: T) -> Tracks<T> {
         Tracks { left, right }
     }

@@ -121,7 +121,6 @@ pub(crate) struct Docking {
     search_limit: Duration,
     elapsed: Duration,
     unseen: Duration,
-    /// Number of entries without contact.
     failed: u32,
 }
 

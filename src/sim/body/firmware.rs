@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
@@ -60,7 +60,6 @@ pub struct Firmware {
     /// Length of the uploaded music. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub music: Duration,
-    /// The firmware version in AUTH_REPLY.
     pub version: String,
 }
 
@@ -71,7 +70,6 @@ pub enum FirmwareBehaviour {
     /// The MOVE ends the manoeuvre, and the tracks follow it; MOVE 0 0 ends the manoeuvre too.
     #[default]
     Ends,
-    /// The robot ignores the MOVE.
     Ignored,
     /// The tracks follow the MOVE, and the manoeuvre continues from the next MOVE 0 0.
     Obeyed,
@@ -120,9 +118,8 @@ impl Firmware {
         yaml::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
-    /// Reads firmware settings from a file.
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
-        yaml::load(path, DocumentKind::Firmware, Firmware::from_yaml)
+        yaml::load(path, "description of a firmware", Firmware::from_yaml)
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use crate::wire::{Command, FileChunk, parse_settings, to_latin1};
+use crate::wire::{FileChunk, parse_settings, to_latin1};
 
 /// Maximum size of an upload in bytes; longer ones are discarded.
 const MAX_UPLOAD: usize = 4 << 20;
@@ -116,18 +116,6 @@ impl RobotLog {
     pub(super) fn text(&self) -> Bytes {
         let lines: Vec<&str> = self.lines.iter().map(String::as_str).collect();
         Bytes::from(lines.join("\n"))
-    }
-}
-
-/// Describes a command in one short line, without payloads, which may be long or secret.
-pub(crate) fn describe(command: &Command) -> String {
-    match command {
-        Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
-        Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
-        Command::Unknown(packet) => {
-            format!("type {} ({} bytes)", packet.kind, packet.payload.len())
-        }
-        other => format!("{other:?}"),
     }
 }
 

@@ -5,19 +5,11 @@ use std::time::Duration;
 
 use crate::wire::Sound;
 
-/// A synthetic sound that replaces one of the robot's recordings, with a similar length and
-/// distinct from the others.
-struct Tone {
-    millis: u64,
-    hertz: f64,
-    /// Change of the frequency from start to end, hertz; positive is up.
-    sweep: f64,
-    /// Number of separate beeps; 1 is one continuous sound.
-    beeps: u32,
-}
-
-fn tone(sound: Sound) -> Option<Tone> {
-    let (millis, hertz, sweep, beeps) = match sound {
+/// The synthetic sound that replaces one of the robot's recordings, with a similar length and distinct
+/// from the others: its length in milliseconds, its frequency, the change of that from start to end
+/// (hertz; positive is up), and its number of separate beeps; 1 is one continuous sound.
+fn tone(sound: Sound) -> Option<(u64, f64, f64, u32)> {
+    Some(match sound {
         Sound::Alarm => (2500, 900.0, 500.0, 5),
         Sound::Bomb => (2800, 220.0, -180.0, 1),
         Sound::Laser => (700, 1800.0, -1500.0, 1),
@@ -32,12 +24,6 @@ fn tone(sound: Sound) -> Option<Tone> {
         Sound::Bip4 => (1000, 1000.0, 0.0, 4),
         Sound::Music => (0, 392.0, 130.0, 24),
         Sound::Unknown(_) => return None,
-    };
-    Some(Tone {
-        millis,
-        hertz,
-        sweep,
-        beeps,
     })
 }
 
@@ -76,12 +62,12 @@ impl Speaker {
 
     /// Plays a sound, replacing the current one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
-        self.playing = tone(sound).map(|tone| Playing {
+        self.playing = tone(sound).map(|(millis, ..)| Playing {
             sound,
             played: Duration::ZERO,
             length: match sound {
                 Sound::Music => self.music,
-                _ => Duration::from_millis(tone.millis),
+                _ => Duration::from_millis(millis),
             },
         });
     }
@@ -105,14 +91,14 @@ impl Speaker {
         let Some(playing) = &self.playing else {
             return 0.0;
         };
-        let Some(tone) = tone(playing.sound) else {
+        let Some((_, hertz, sweep, beeps)) = tone(playing.sound) else {
             return 0.0;
         };
         let share = playing.played.as_secs_f64() / playing.length.as_secs_f64().max(1e-3);
-        let beep = (share * f64::from(tone.beeps)).fract();
-        let hertz = tone.hertz + tone.sweep * if tone.beeps > 1 { beep } else { share };
+        let beep = (share * f64::from(beeps)).fract();
+        let hertz = hertz + sweep * if beeps > 1 { beep } else { share };
         self.phase = (self.phase + TAU * hertz * seconds) % TAU;
-        let pause = tone.beeps > 1 && beep > 0.6;
+        let pause = beeps > 1 && beep > 0.6;
         let loudness = if pause {
             0.0
         } else {

@@ -16,12 +16,10 @@ const TURN: f64 = 0.1;
 /// Metres per step; in a longer step the robot did not drive but was placed.
 const MAX_STEP: f64 = 0.1;
 
-/// The robot's pose at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
     /// Simulated time since the start.
     pub at: Duration,
-    /// The robot's pose.
     pub pose: Pose,
     /// The robot was placed here; it did not drive here from the previous sample.
     pub placed: bool,
@@ -34,30 +32,22 @@ pub struct TraceEvent {
     pub at: Duration,
     /// The robot's pose at that time.
     pub pose: Pose,
-    /// What happened.
     pub kind: TraceEventKind,
 }
 
-/// Kinds of events.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TraceEventKind {
     /// The robot ran into the thing with this name.
     Collision(String),
     /// The watchdog or a script commanded the robot to find its station.
     FindBase,
-    /// The robot docked at its station.
     Docked,
-    /// The robot left its station.
     Undocked,
     /// The robot gave up searching for its station.
     BaseNotFound,
-    /// The robot was commanded to play a sound.
     Sound(Sound),
-    /// The robot was commanded to switch a light.
     Light {
-        /// Which light.
         led: Led,
-        /// On or off.
         on: bool,
     },
     /// The robot played the camera sound, which behaviours use when they keep a picture.
@@ -66,7 +56,6 @@ pub enum TraceEventKind {
     Note(String),
 }
 
-/// The trace of one robot so far.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
     samples: Vec<Sample>,
@@ -172,7 +161,6 @@ impl Trace {
         self.missed
     }
 
-    /// Returns the simulated time that has passed.
     pub fn duration(&self) -> Duration {
         self.now.at
     }

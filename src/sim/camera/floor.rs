@@ -7,9 +7,8 @@ use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
 use super::light::{Grid, Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Level, Pixel, Texture, between, lit};
-use super::view::{Canvas, Row, View};
+use super::view::{View, flash, lamps};
 use crate::sim::geometry::Point;
-use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::World;
 use crate::sim::world::fixtures::Tape;
 use crate::sim::world::objects::{self, Rug};
@@ -22,16 +21,13 @@ pub(super) struct Floor {
     world: World,
     /// Created for the first frame: most simulated robots never take one.
     texture: Option<Texture>,
-    rows: Vec<Row>,
 }
 
 impl Floor {
-    pub(super) fn new(world: &World, canvas: Canvas) -> Floor {
-        let rows = (0..canvas.height - canvas.horizon).map(|row| Row::below_horizon(row, canvas));
+    pub(super) fn new(world: &World) -> Floor {
         Floor {
             world: world.clone(),
             texture: None,
-            rows: rows.collect(),
         }
     }
 
@@ -50,29 +46,29 @@ impl Floor {
             .get_or_insert_with(|| floor_texture(&self.world));
         let glossy = self.world.room.floor == objects::Floor::GlossyTiles;
         let even = lighting.is_uniform() && !view.flash;
-        let width = view.canvas.width;
-        for (row, shown) in (view.canvas.horizon..).zip(&self.rows) {
-            let depth = shown.depth;
+        let canvas = view.canvas;
+        let width = canvas.width;
+        for row in canvas.horizon..canvas.height {
+            let depth = canvas.eye * canvas.focal / ((row - canvas.horizon) as f32 + 0.5);
+            let reflected_lamps = lamps(depth);
+            let reflected_flash = flash(depth);
             let texels = Texels::at_depth(floor, view, depth);
             let line = &mut frame[row * width..][..width];
             for (patch, floor_tops) in (0..width).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
                 if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
                 }
-                let middle = view.column(if even {
-                    view.canvas.left
-                } else {
-                    patch + PATCH / 2
-                });
+                let middle = view.column(if even { canvas.left } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
                 let room = lighting.at(px, py);
-                let flash = shown.flash * view.beam(middle);
-                let light = light(room.map(|channel| (channel * shown.lamps + flash) * exposure));
+                let flash = reflected_flash * view.beam(middle);
+                let light =
+                    light(room.map(|channel| (channel * reflected_lamps + flash) * exposure));
                 let visible = |column: usize| row >= floor_tops[column];
                 texels.paint(&mut line[patch..][..PATCH], patch, light, visible);
             }
             if glossy {
-                let share = reflected(view.canvas.eye, depth);
+                let share = reflected(canvas.eye, depth);
                 reflect(&mut frame[..(row + 1) * width], floor_tops, row, share);
             }
         }
@@ -182,9 +178,9 @@ fn floor_texture(world: &World) -> Texture {
     let size = finest.max((width * depth / MAX_PIXELS).sqrt());
     let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
     let scale = [count[0] as f32 / depth, count[1] as f32 / width];
-    let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::new).collect();
     let floor = |x: f32, y: f32| {
-        let rug = rugs.iter().rev().find_map(|rug| rug.colour(x, y));
+        let mut rugs = world.rugs.iter().rev();
+        let rug = rugs.find_map(|rug| rug_colour(rug, x, y));
         rug.unwrap_or_else(|| match world.room.floor {
             objects::Floor::Wood => wood(x, y),
             objects::Floor::Tiles => tiles(x, y),
@@ -199,11 +195,12 @@ fn floor_texture(world: &World) -> Texture {
         pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
     }
     draw_tapes(&world.strips(), pixels.as_flattened_mut(), count, scale);
-    let shadows = Shadows::new(world, &world.fixed_obstacles());
+    let shadows = shadows(world);
     for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
         let y = (row as f32 + 0.5) / scale[0];
         for (column, pixel) in line.iter_mut().enumerate() {
-            let light = shadows.at((column as f32 + 0.5) / scale[1], y);
+            let x = (column as f32 + 0.5) / scale[1];
+            let [light] = shadows.at(x * (1.0 / CELL), y * (1.0 / CELL));
             *pixel = pixel.map(|channel| (f32::from(channel) * light) as u8);
         }
     }
@@ -249,38 +246,21 @@ pub(crate) fn drawing_path(path: &BezPath) -> Option<Path> {
     builder.finish()
 }
 
-#[derive(Debug)]
-struct Carpet {
-    middle: (f32, f32),
-    half: (f32, f32),
-    paint: Rgb,
-}
-
-impl Carpet {
-    fn new(rug: &Rug) -> Carpet {
-        let middle = rug.at.point();
-        Carpet {
-            middle: (middle.x as f32, middle.y as f32),
-            half: (rug.width as f32 / 2.0, rug.depth as f32 / 2.0),
-            paint: rgb(rug.colour),
-        }
+fn rug_colour(rug: &Rug, x: f32, y: f32) -> Option<Rgb> {
+    let middle = rug.at.point();
+    let inside_x = rug.width as f32 / 2.0 - (x - middle.x as f32).abs();
+    let inside_y = rug.depth as f32 / 2.0 - (y - middle.y as f32).abs();
+    let inside = inside_x.min(inside_y);
+    if inside < 0.0 {
+        return None;
     }
-
-    fn colour(&self, x: f32, y: f32) -> Option<Rgb> {
-        let inside_x = self.half.0 - (x - self.middle.0).abs();
-        let inside_y = self.half.1 - (y - self.middle.1).abs();
-        let inside = inside_x.min(inside_y);
-        let weave = 0.95 + 0.10 * scatter((x * 70.0) as i32, (y * 70.0) as i32);
-        let border = if (0.08..0.14).contains(&inside) {
-            1.25
-        } else {
-            1.0
-        };
-        if inside < 0.0 {
-            return None;
-        }
-        Some(scaled(self.paint, weave * border))
-    }
+    let weave = 0.95 + 0.10 * scatter((x * 70.0) as i32, (y * 70.0) as i32);
+    let border = if (0.08..0.14).contains(&inside) {
+        1.25
+    } else {
+        1.0
+    };
+    Some(scaled(rgb(rug.colour), weave * border))
 }
 
 fn wood(x: f32, y: f32) -> Rgb {
@@ -342,25 +322,16 @@ fn split_number(number: f32) -> (i32, f32) {
     (whole, number - whole as f32)
 }
 
-/// The share of light that reaches each place, on a coarse grid.
-#[derive(Debug)]
-struct Shadows(Grid<1>);
-
-impl Shadows {
-    fn new(world: &World, obstacles: &Obstacles) -> Shadows {
-        let points = |side: f64| (side as f32 / CELL).ceil() as usize + 2;
-        let light = |column: usize, row: usize| {
-            let cell = f64::from(CELL);
-            let point = Point::new(column as f64 * cell, row as f64 * cell);
-            let clear = obstacles.clearance(point) as f32 / SHADOW;
-            [0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()]
-        };
-        let room = &world.room;
-        Shadows(Grid::new(points(room.width), points(room.depth), light))
-    }
-
-    fn at(&self, x: f32, y: f32) -> f32 {
-        let [light] = self.0.at(x * (1.0 / CELL), y * (1.0 / CELL));
-        light
-    }
+/// The share of light that reaches each place, on a grid of cells.
+fn shadows(world: &World) -> Grid<1> {
+    let obstacles = world.fixed_obstacles();
+    let points = |side: f64| (side as f32 / CELL).ceil() as usize + 2;
+    let light = |column: usize, row: usize| {
+        let cell = f64::from(CELL);
+        let point = Point::new(column as f64 * cell, row as f64 * cell);
+        let clear = obstacles.clearance(point) as f32 / SHADOW;
+        [0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()]
+    };
+    let room = &world.room;
+    Grid::new(points(room.width), points(room.depth), light)
 }

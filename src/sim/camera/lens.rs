@@ -21,11 +21,9 @@ const STEEPEST: f64 = 4.0;
 /// Pose and lens, with the source of each pixel in the rendered image.
 pub(super) struct Lens {
     camera: Camera,
-    /// The image to render.
     pub(super) canvas: Canvas,
     /// Computed for the first frame: most simulated robots never take one.
     sources: Vec<Source>,
-    /// The last frame.
     pub(super) frame: Vec<Pixel>,
 }
 

@@ -45,7 +45,7 @@ impl Renderer {
         Renderer {
             scene: Scene::new(world),
             lighting: Lighting::new(world),
-            floor: Floor::new(world, canvas),
+            floor: Floor::new(world),
             canvas,
             lamp: Lamp {
                 at: Point::new(room.width * 0.45, room.depth * 0.6),

@@ -36,16 +36,6 @@ pub(crate) struct View {
     pub(crate) flash: bool,
 }
 
-/// The part of the floor that one row shows.
-#[derive(Clone, Copy)]
-pub(crate) struct Row {
-    pub(crate) depth: f32,
-    /// Share of the room's light reflected from there.
-    pub(crate) lamps: f32,
-    /// The same for the headlight, in the centre of its beam.
-    pub(crate) flash: f32,
-}
-
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     pub(crate) index: usize,
@@ -138,23 +128,12 @@ impl View {
     }
 }
 
-impl Row {
-    pub(crate) fn below_horizon(row: usize, canvas: Canvas) -> Row {
-        let depth = canvas.eye * canvas.focal / (row as f32 + 0.5);
-        Row {
-            depth,
-            lamps: lamps(depth),
-            flash: flash(depth),
-        }
-    }
-}
-
 /// Returns the share of the room's light reflected from a depth.
 pub(crate) fn lamps(depth: f32) -> f32 {
     1.0 / (1.0 + 0.012 * depth * depth)
 }
 
 /// Returns the headlight's light reflected from a depth, in the centre of its beam.
-fn flash(depth: f32) -> f32 {
+pub(super) fn flash(depth: f32) -> f32 {
     0.45 / (0.6 + 0.5 * depth * depth)
 }

@@ -3,16 +3,17 @@
 use std::path::Path;
 use std::time::Duration;
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use super::{Direction, Fault, FaultKind, Timing};
-use crate::sim::yaml::{self, DocumentError, DocumentKind, Step, number};
+use crate::sim::yaml::{self, DocumentError, Step, number};
 use crate::wire::Refusal;
+use crate::yaml::parsed_text;
 
 /// Maximum number of faults in a list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
 
-#[derive(Debug, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
     faults: Vec<Entry>,
@@ -37,36 +38,89 @@ impl Fault {
         Ok(faults.iter().map(Entry::fault).collect())
     }
 
-    /// Reads a list of faults from a file.
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
-        yaml::load(path, DocumentKind::Faults, Fault::list_from_yaml)
+        yaml::load(path, "list of faults", Fault::list_from_yaml)
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Name {
-    Delay,
-    Split,
-    Drip,
-    HalfOpen,
-    Drop,
-    Reset,
-    Garbage,
-    LengthLie,
-    HugeFrames,
-    TruncatedFrames,
-    FlippedFrames,
-    NoPower,
-    PowerJumps,
-    PowerGarbage,
-    Reboot,
-    RefuseLogin,
-    SlowProgram,
-    TakeOver,
-    BaseNotFound,
-    NoCharge,
-    DockLost,
+/// A kind of fault: its name, the keys that apply to it besides those that all faults accept, and what
+/// it is with the values of an entry.
+struct Row(
+    &'static str,
+    &'static [&'static str],
+    fn(&Entry) -> FaultKind,
+);
+
+static ROWS: [Row; 21] = [
+    Row("delay", &["seconds", "jitter", "towards", "for"], |entry| {
+        FaultKind::Delay {
+            by: entry.seconds_or(0.2),
+            jitter: Duration::from_secs_f64(entry.jitter.unwrap_or(0.0)),
+        }
+    }),
+    Row("split", &["towards", "for"], |_| FaultKind::Split),
+    Row("drip", &["bytes", "towards", "for"], |entry| {
+        FaultKind::Drip {
+            rate: entry.bytes_or(2000.0) as u32,
+        }
+    }),
+    Row("half_open", &["towards", "for"], |_| FaultKind::HalfOpen),
+    Row("drop", &[], |_| FaultKind::Drop),
+    Row("reset", &[], |_| FaultKind::Reset),
+    Row("garbage", &["bytes", "towards"], |entry| {
+        FaultKind::Garbage {
+            bytes: entry.bytes_or(64.0),
+        }
+    }),
+    Row("length_lie", &["bytes", "towards"], |entry| {
+        FaultKind::LengthLie {
+            claim: entry.bytes.map(|bytes| bytes as u16),
+        }
+    }),
+    Row("huge_frames", &["for"], |_| FaultKind::HugeFrames),
+    Row("truncated_frames", &["for"], |_| FaultKind::TruncatedFrames),
+    Row("flipped_frames", &["bytes", "for"], |entry| {
+        FaultKind::FlippedFrames {
+            bytes: entry.bytes_or(16.0),
+        }
+    }),
+    Row("no_power", &["for"], |_| FaultKind::NoPower),
+    Row("power_jumps", &["percent", "for"], |entry| {
+        FaultKind::PowerJumps {
+            percent: entry.percent.map(|percent| percent as u8),
+        }
+    }),
+    Row("power_garbage", &["for"], |_| FaultKind::PowerGarbage),
+    Row("reboot", &["state", "for"], |entry| FaultKind::Reboot {
+        forgets: entry.state != Some(Memory::Kept),
+    }),
+    Row("refuse_login", &["reason", "for"], |entry| {
+        FaultKind::RefuseLogin(match entry.reason {
+            Some(Reason::Password) => Refusal::WrongPassword,
+            Some(Reason::Busy) | None => Refusal::InUse,
+        })
+    }),
+    Row("slow_program", &["commands_per_second", "for"], |entry| {
+        FaultKind::SlowProgram {
+            period: Duration::from_secs_f64(1.0 / entry.commands_per_second.unwrap_or(5.0)),
+        }
+    }),
+    Row("take_over", &["for"], |_| FaultKind::TakeOver),
+    Row("base_not_found", &["for"], |_| FaultKind::BaseNotFound),
+    Row("no_charge", &["for"], |_| FaultKind::NoCharge),
+    Row("dock_lost", &["seconds", "for"], |entry| {
+        FaultKind::DockLost {
+            after: entry.seconds_or(5.0),
+        }
+    }),
+];
+
+fn row<'de, D: Deserializer<'de>>(from: D) -> Result<&'static Row, D::Error> {
+    parsed_text(from, "the name of a fault", |text| {
+        let names = ROWS.each_ref().map(|Row(name, ..)| *name).join("`, `");
+        let found = ROWS.iter().find(|Row(name, ..)| *name == text);
+        found.ok_or_else(|| format!("unknown variant `{text}`, expected one of `{names}`"))
+    })
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -84,10 +138,11 @@ enum Memory {
 }
 
 /// One entry of a list of faults; missing keys have defaults.
-#[derive(Debug, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Entry {
-    fault: Name,
+struct Entry {
+    #[serde(deserialize_with = "row")]
+    fault: &'static Row,
     towards: Option<Direction>,
     reason: Option<Reason>,
     state: Option<Memory>,
@@ -111,36 +166,10 @@ pub(super) struct Entry {
     chance: f64,
 }
 
-impl Name {
-    /// Returns the keys that apply to this fault, besides those that all faults accept.
-    fn keys(self) -> &'static [&'static str] {
-        match self {
-            Name::Delay => &["seconds", "jitter", "towards", "for"],
-            Name::Split | Name::HalfOpen => &["towards", "for"],
-            Name::Drip => &["bytes", "towards", "for"],
-            Name::Drop | Name::Reset => &[],
-            Name::Garbage | Name::LengthLie => &["bytes", "towards"],
-            Name::FlippedFrames => &["bytes", "for"],
-            Name::PowerJumps => &["percent", "for"],
-            Name::Reboot => &["state", "for"],
-            Name::RefuseLogin => &["reason", "for"],
-            Name::SlowProgram => &["commands_per_second", "for"],
-            Name::DockLost => &["seconds", "for"],
-            Name::HugeFrames
-            | Name::TruncatedFrames
-            | Name::NoPower
-            | Name::PowerGarbage
-            | Name::TakeOver
-            | Name::BaseNotFound
-            | Name::NoCharge => &["for"],
-        }
-    }
-}
-
 impl Entry {
     /// Checks that every given key applies to this fault. On error, returns the offending key and a
     /// message.
-    pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
+    fn check(&self) -> Result<(), (&'static str, String)> {
         let given = [
             ("towards", self.towards.is_some()),
             ("reason", self.reason.is_some()),
@@ -152,7 +181,7 @@ impl Entry {
             ("commands_per_second", self.commands_per_second.is_some()),
             ("for", self.lasts.is_some()),
         ];
-        let known = self.fault.keys();
+        let Row(_, known, kind) = *self.fault;
         let stray = given.iter().find(|(key, is)| *is && !known.contains(key));
         if let Some((key, _)) = stray {
             let list = [known, &["after", "every", "chance"]].concat().join("`, `");
@@ -161,7 +190,8 @@ impl Entry {
                 format!("`{key}` does not apply to this fault: it accepts `{list}`"),
             ));
         }
-        if self.bytes.is_some_and(|bytes| bytes < 1.0) && self.fault != Name::LengthLie {
+        let lies = matches!(kind(self), FaultKind::LengthLie { .. });
+        if self.bytes.is_some_and(|bytes| bytes < 1.0) && !lies {
             return Err(("bytes", "expected at least 1 byte".into()));
         }
         let length = self.fault().timing.lasts;
@@ -178,11 +208,11 @@ impl Entry {
         }
     }
 
-    pub(super) fn fault(&self) -> Fault {
-        let kind = self.kind();
-        let usual = Fault::new(kind);
-        let towards = match self.fault {
-            Name::Garbage | Name::LengthLie => Direction::Client,
+    fn fault(&self) -> Fault {
+        let Row(_, _, kind) = *self.fault;
+        let usual = Fault::new(kind(self));
+        let towards = match usual.kind {
+            FaultKind::Garbage { .. } | FaultKind::LengthLie { .. } => Direction::Client,
             _ => usual.towards,
         };
         let seconds = |seconds: Option<f64>| seconds.map(Duration::from_secs_f64);
@@ -198,50 +228,12 @@ impl Entry {
         }
     }
 
-    fn kind(&self) -> FaultKind {
-        let seconds = |usual: f64| Duration::from_secs_f64(self.seconds.unwrap_or(usual));
-        let bytes = |usual: f64| self.bytes.unwrap_or(usual) as usize;
-        match self.fault {
-            Name::Delay => FaultKind::Delay {
-                by: seconds(0.2),
-                jitter: Duration::from_secs_f64(self.jitter.unwrap_or(0.0)),
-            },
-            Name::Split => FaultKind::Split,
-            Name::Drip => FaultKind::Drip {
-                rate: bytes(2000.0) as u32,
-            },
-            Name::HalfOpen => FaultKind::HalfOpen,
-            Name::Drop => FaultKind::Drop,
-            Name::Reset => FaultKind::Reset,
-            Name::Garbage => FaultKind::Garbage { bytes: bytes(64.0) },
-            Name::LengthLie => FaultKind::LengthLie {
-                claim: self.bytes.map(|bytes| bytes as u16),
-            },
-            Name::HugeFrames => FaultKind::HugeFrames,
-            Name::TruncatedFrames => FaultKind::TruncatedFrames,
-            Name::FlippedFrames => FaultKind::FlippedFrames { bytes: bytes(16.0) },
-            Name::NoPower => FaultKind::NoPower,
-            Name::PowerJumps => FaultKind::PowerJumps {
-                percent: self.percent.map(|percent| percent as u8),
-            },
-            Name::PowerGarbage => FaultKind::PowerGarbage,
-            Name::Reboot => FaultKind::Reboot {
-                forgets: self.state != Some(Memory::Kept),
-            },
-            Name::RefuseLogin => FaultKind::RefuseLogin(match self.reason {
-                Some(Reason::Password) => Refusal::WrongPassword,
-                Some(Reason::Busy) | None => Refusal::InUse,
-            }),
-            Name::SlowProgram => FaultKind::SlowProgram {
-                period: Duration::from_secs_f64(1.0 / self.commands_per_second.unwrap_or(5.0)),
-            },
-            Name::TakeOver => FaultKind::TakeOver,
-            Name::BaseNotFound => FaultKind::BaseNotFound,
-            Name::NoCharge => FaultKind::NoCharge,
-            Name::DockLost => FaultKind::DockLost {
-                after: seconds(5.0),
-            },
-        }
+    fn seconds_or(&self, usual: f64) -> Duration {
+        Duration::from_secs_f64(self.seconds.unwrap_or(usual))
+    }
+
+    fn bytes_or(&self, usual: f64) -> usize {
+        self.bytes.unwrap_or(usual) as usize
     }
 }
 

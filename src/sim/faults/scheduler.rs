@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use tokio::sync::{broadcast, watch};
 use tokio::time::Instant;
 
-use super::{Direction, Fault, FaultKind, Timing};
+use super::{Direction, Fault, FaultKind};
 
 /// Maximum number of unread beginnings of faults per connection; it misses older ones.
 const MAX_UNREAD: usize = 64;
@@ -46,7 +46,7 @@ pub(crate) struct FaultFeed {
 
 struct ScheduledFault {
     fault: Fault,
-    timing: TimingState,
+    phase: TimingPhase,
     /// The fault is due and its random draw succeeded.
     on: bool,
 }
@@ -75,9 +75,7 @@ impl FaultScheduler {
     }
 
     pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
-        let timing = TimingState::new(fault.timing, now);
-        let on = false;
-        self.scheduled.push(ScheduledFault { fault, timing, on });
+        self.scheduled.push(ScheduledFault::new(fault, now));
     }
 
     /// Ends all faults; returns those that were active, so that the robot can be updated.
@@ -118,7 +116,7 @@ impl FaultScheduler {
     pub(crate) fn poll(&mut self, now: Instant) -> Vec<(FaultKind, Transition)> {
         let mut transitions = Vec::new();
         for scheduled in &mut self.scheduled {
-            while let Some(transition) = scheduled.timing.poll(now) {
+            while let Some(transition) = scheduled.advance(now) {
                 let was_on = scheduled.on;
                 scheduled.on = transition == Transition::Begins
                     && draw_occurrence(&mut self.rng, &scheduled.fault);
@@ -134,7 +132,7 @@ impl FaultScheduler {
         if !transitions.is_empty() {
             self.publish();
             self.scheduled
-                .retain(|scheduled| !scheduled.timing.is_over());
+                .retain(|scheduled| scheduled.phase != TimingPhase::Over);
         }
         transitions
     }
@@ -158,29 +156,24 @@ enum TimingPhase {
     Over,
 }
 
-#[derive(Debug, Clone)]
-pub(crate) struct TimingState {
-    timing: Timing,
-    phase: TimingPhase,
-}
-
-impl TimingState {
-    pub(crate) fn new(timing: Timing, now: Instant) -> TimingState {
-        let until = now + timing.after;
-        TimingState {
-            timing,
+impl ScheduledFault {
+    fn new(fault: Fault, now: Instant) -> ScheduledFault {
+        let until = now + fault.timing.after;
+        ScheduledFault {
+            fault,
             phase: TimingPhase::Waiting { until },
+            on: false,
         }
     }
 
     /// Returns the next change due by `now`. Call it until it returns `None`.
-    pub(crate) fn poll(&mut self, now: Instant) -> Option<Transition> {
+    fn advance(&mut self, now: Instant) -> Option<Transition> {
         match self.phase {
             TimingPhase::Waiting { until } if until <= now => {
                 self.phase = TimingPhase::On { since: until };
                 Some(Transition::Begins)
             }
-            TimingPhase::On { since } if since + self.timing.lasts? <= now => {
+            TimingPhase::On { since } if since + self.fault.timing.lasts? <= now => {
                 self.phase = self.after(since, now);
                 Some(Transition::Ends)
             }
@@ -188,14 +181,10 @@ impl TimingState {
         }
     }
 
-    pub(crate) fn is_over(&self) -> bool {
-        self.phase == TimingPhase::Over
-    }
-
     /// Returns the phase after an occurrence. Skips missed beginnings, so that they do not all
     /// happen at once after a suspend.
     fn after(&self, since: Instant, now: Instant) -> TimingPhase {
-        let Some(every) = self.timing.every.filter(|every| !every.is_zero()) else {
+        let Some(every) = self.fault.timing.every.filter(|every| !every.is_zero()) else {
             return TimingPhase::Over;
         };
         let missed = now.duration_since(since).as_nanos() / every.as_nanos();
@@ -209,6 +198,7 @@ impl TimingState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::faults::Timing;
 
     const SECOND: Duration = Duration::from_secs(1);
 
@@ -278,6 +268,14 @@ mod tests {
         assert_eq!(scheduler.poll(now + 60 * SECOND), []);
     }
 
+    fn timed(timing: Timing, start: Instant) -> ScheduledFault {
+        let fault = Fault {
+            timing,
+            ..Fault::new(FaultKind::Drop)
+        };
+        ScheduledFault::new(fault, start)
+    }
+
     /// Returns the changes at each whole second, starting at 0.
     fn transitions(after: u64, lasts: Option<u64>, every: Option<u64>) -> Vec<(u64, Transition)> {
         let seconds = |count: Option<u64>| count.map(Duration::from_secs);
@@ -287,10 +285,10 @@ mod tests {
             every: seconds(every),
         };
         let start = Instant::now();
-        let mut state = TimingState::new(timing, start);
+        let mut state = timed(timing, start);
         let mut transitions = Vec::new();
         for second in 0..10 {
-            while let Some(transition) = state.poll(start + SECOND * second) {
+            while let Some(transition) = state.advance(start + SECOND * second) {
                 transitions.push((u64::from(second), transition));
             }
         }
@@ -314,11 +312,11 @@ mod tests {
             every: Some(SECOND),
         };
         let start = Instant::now();
-        let mut state = TimingState::new(timing, start);
+        let mut state = timed(timing, start);
         let late = start + SECOND * 3600;
-        assert_eq!(state.poll(late), Some(Transition::Begins));
-        assert_eq!(state.poll(late), Some(Transition::Ends));
-        assert_eq!(state.poll(late), None);
-        assert_eq!(state.poll(late + SECOND), Some(Transition::Begins));
+        assert_eq!(state.advance(late), Some(Transition::Begins));
+        assert_eq!(state.advance(late), Some(Transition::Ends));
+        assert_eq!(state.advance(late), None);
+        assert_eq!(state.advance(late + SECOND), Some(Transition::Begins));
     }
 }

@@ -47,24 +47,12 @@ impl Bump {
     }
 }
 
-/// Something that a robot can run into; the number is its index in the world's list.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Obstacle {
-    Wall,
-    Furniture(usize),
-    Station,
-    Post(usize),
-    Ball(usize),
-    Walker(usize),
-}
-
 /// What robots can run into; each list is in the order of the world's own.
 #[derive(Debug, Clone)]
 pub struct Obstacles {
     /// Walls and the four sides of each piece of furniture, which are high enough to hide the
     /// station. Walls come first.
     pub(crate) high: Vec<Segment>,
-    /// The number of sides of walls.
     pub(crate) walls: usize,
     pub(crate) station: [Segment; 4],
     /// Posts, which hide the station.
@@ -106,31 +94,6 @@ impl Obstacles {
         self.lines()
             .all(|line| line.distance(wanted.middle) >= wanted.radius)
             && circles.all(|circle| circle.gap(wanted) >= 0.0)
-    }
-
-    pub(crate) fn nearest(&self, point: Point) -> Obstacle {
-        let here = Circle::new(point, 0.0);
-        let lines = self.high.iter().enumerate().map(|(index, line)| {
-            let what = match index.checked_sub(self.walls) {
-                Some(side) => Obstacle::Furniture(side / 4),
-                None => Obstacle::Wall,
-            };
-            (line.distance(point), what)
-        });
-        let station = self.station.iter();
-        let station = station.map(|line| (line.distance(point), Obstacle::Station));
-        let posts = self.posts.iter().enumerate();
-        let posts = posts.map(|(index, post)| (post.gap(here), Obstacle::Post(index)));
-        let round = self.round.iter().enumerate().map(|(index, circle)| {
-            let what = match index.checked_sub(self.balls) {
-                Some(walker) => Obstacle::Walker(walker),
-                None => Obstacle::Ball(index),
-            };
-            (circle.gap(here), what)
-        });
-        let all = lines.chain(station).chain(posts).chain(round);
-        let nearest = all.min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(Obstacle::Wall, |(_, what)| what)
     }
 
     pub(crate) fn has_line_of_sight(&self, a: Point, b: Point) -> bool {
@@ -219,13 +182,5 @@ mod tests {
         let obstacles = world().obstacles();
         assert!((obstacles.clearance(Point::new(2.0, 3.5)) - 0.2).abs() < 1e-9);
         assert!((obstacles.clearance(Point::new(4.0, 0.3)) - 0.3).abs() < 1e-9);
-    }
-
-    #[test]
-    fn nearest_returns_the_kind_and_index() {
-        let obstacles = world().obstacles();
-        assert_eq!(obstacles.nearest(Point::new(2.0, 3.0)), Obstacle::Ball(0));
-        assert_eq!(obstacles.nearest(Point::new(5.9, 1.0)), Obstacle::Wall);
-        assert_eq!(obstacles.nearest(Point::new(0.3, 2.0)), Obstacle::Station);
     }
 }

@@ -3,8 +3,8 @@
 use image::RgbImage;
 
 use super::canvas::{Ink, MapCanvas, Pixel, TextStyle};
-use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
-use crate::sim::geometry::{Point, Pose, RADIUS};
+use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind as Kind};
+use crate::sim::geometry::{Point, RADIUS};
 use crate::sim::map;
 use crate::sim::world::World;
 
@@ -19,58 +19,52 @@ const START: Ink = [20, 150, 90, 255];
 const END: Ink = [30, 90, 200, 255];
 const PALE: Ink = [110, 112, 118, 255];
 
-// Outlines of marks, 1 is their size.
-const HOUSE: [(f32, f32); 5] = [
-    (0.0, -1.2),
-    (1.0, -0.2),
-    (1.0, 1.0),
-    (-1.0, 1.0),
-    (-1.0, -0.2),
-];
-const SQUARE: [(f32, f32); 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
-const DIAMOND: [(f32, f32); 4] = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
-const STAR: [(f32, f32); 8] = [
-    (0.0, -1.0),
-    (0.3, -0.3),
-    (1.0, 0.0),
-    (0.3, 0.3),
-    (0.0, 1.0),
-    (-0.3, 0.3),
-    (-1.0, 0.0),
-    (-0.3, -0.3),
-];
-const FLAG: [(f32, f32); 5] = [
-    (0.0, 1.0),
-    (0.0, -1.2),
-    (1.4, -0.7),
-    (0.2, -0.2),
-    (0.2, 1.0),
-];
+/// A star: its number of points, the radius of the corners between them as a share of the outer one,
+/// and by how much it is turned, as a share of the angle between two points.
+type Shape = [f32; 3];
 
-/// Kinds of marks, with a row in the legend for each.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Mark {
-    Collision,
-    FindBase,
-    Docked,
-    Undocked,
-    NotFound,
-    Photo,
-    Sound,
-    Light,
-    Note,
-}
+const CROSS: Shape = [4.0, 0.3, 0.5];
+const TRIANGLE: Shape = [3.0, 0.5, 0.0];
+const SQUARE: Shape = [4.0, 0.71, 0.5];
+const DIAMOND: Shape = [4.0, 0.71, 0.0];
+const STAR: Shape = [8.0, 0.5, 0.0];
+const PENTAGON: Shape = [5.0, 0.81, 0.0];
 
-const MARKS: [(Mark, &str, Ink); 9] = [
-    (Mark::Collision, "collision", [220, 20, 20, 255]),
-    (Mark::FindBase, "sent to the station", [235, 120, 0, 255]),
-    (Mark::Docked, "on the station", [0, 130, 60, 255]),
-    (Mark::Undocked, "left the station", [90, 190, 120, 255]),
-    (Mark::NotFound, "station not found", [120, 0, 60, 255]),
-    (Mark::Photo, "photo", [0, 110, 220, 255]),
-    (Mark::Sound, "sound", [150, 60, 190, 255]),
-    (Mark::Light, "light", [225, 170, 0, 255]),
-    (Mark::Note, "note", [60, 60, 66, 255]),
+/// A kind of mark, with a row in the legend: its name, its look, and the events that it marks.
+type Mark = (&'static str, Shape, Ink, fn(&Kind) -> bool);
+
+/// The most serious kinds come first.
+const MARKS: [Mark; 9] = [
+    ("collision", CROSS, [220, 20, 20, 255], |kind| {
+        matches!(kind, Kind::Collision(_))
+    }),
+    (
+        "sent to the station",
+        TRIANGLE,
+        [235, 120, 0, 255],
+        |kind| matches!(kind, Kind::FindBase),
+    ),
+    ("on the station", TRIANGLE, [0, 130, 60, 255], |kind| {
+        matches!(kind, Kind::Docked)
+    }),
+    ("left the station", TRIANGLE, [90, 190, 120, 255], |kind| {
+        matches!(kind, Kind::Undocked)
+    }),
+    ("station not found", CROSS, [120, 0, 60, 255], |kind| {
+        matches!(kind, Kind::BaseNotFound)
+    }),
+    ("photo", SQUARE, [0, 110, 220, 255], |kind| {
+        matches!(kind, Kind::Photo)
+    }),
+    ("sound", DIAMOND, [150, 60, 190, 255], |kind| {
+        matches!(kind, Kind::Sound(_))
+    }),
+    ("light", STAR, [225, 170, 0, 255], |kind| {
+        matches!(kind, Kind::Light { on: true, .. })
+    }),
+    ("note", PENTAGON, [60, 60, 66, 255], |kind| {
+        matches!(kind, Kind::Note(_))
+    }),
 ];
 
 impl Trace {
@@ -154,80 +148,44 @@ fn clock(seconds: f64) -> String {
     format!("{}:{:02}", seconds / 60, seconds % 60)
 }
 
-fn mark_of(kind: &TraceEventKind) -> Option<Mark> {
-    Some(match kind {
-        TraceEventKind::Collision(_) => Mark::Collision,
-        TraceEventKind::FindBase => Mark::FindBase,
-        TraceEventKind::Docked => Mark::Docked,
-        TraceEventKind::Undocked => Mark::Undocked,
-        TraceEventKind::BaseNotFound => Mark::NotFound,
-        TraceEventKind::Photo => Mark::Photo,
-        TraceEventKind::Sound(_) => Mark::Sound,
-        TraceEventKind::Light { on: true, .. } => Mark::Light,
-        TraceEventKind::Light { .. } => return None,
-        TraceEventKind::Note(_) => Mark::Note,
-    })
-}
-
 fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
-    let mut drawn: Vec<(Mark, Point)> = Vec::new();
-    // The table lists the most serious kinds first; they are drawn last, on top.
-    for (mark, _, ink) in MARKS.iter().rev() {
-        for event in events
-            .iter()
-            .filter(|event| mark_of(&event.kind) == Some(*mark))
-        {
+    // The most serious kinds are drawn last, on top.
+    for (_, shape, ink, is_marked) in MARKS.iter().rev() {
+        let mut drawn: Vec<Point> = Vec::new();
+        for event in events.iter().filter(|event| is_marked(&event.kind)) {
             let place = event.pose.point();
-            let near = |(other, at): &(Mark, Point)| other == mark && at.distance(place) < SAME;
-            if drawn.iter().any(near) {
+            if drawn.iter().any(|other| other.distance(place) < SAME) {
                 continue;
             }
-            drawn.push((*mark, place));
-            let place = canvas.at(mark_place(*mark, event.pose));
-            symbol(canvas, *mark, place, *ink);
-            if let TraceEventKind::Note(text) = &event.kind {
-                canvas.label(event.pose.point(), 14.0, text, TextStyle::small(*ink));
+            drawn.push(place);
+            let at = canvas.at(mark_place(event));
+            symbol(canvas, *shape, at, *ink);
+            if let Kind::Note(text) = &event.kind {
+                canvas.label(place, 14.0, text, TextStyle::small(*ink));
             }
         }
     }
 }
 
 /// Returns the place of a mark: collisions at the bumper, all others at the robot's centre.
-fn mark_place(mark: Mark, pose: Pose) -> Point {
-    match mark {
-        Mark::Collision => pose.point().ahead(pose.heading, RADIUS * 0.8),
+fn mark_place(TraceEvent { kind, pose, .. }: &TraceEvent) -> Point {
+    match kind {
+        Kind::Collision(_) => pose.point().ahead(pose.heading, RADIUS * 0.8),
         _ => pose.point(),
     }
 }
 
-fn symbol(canvas: &mut MapCanvas, mark: Mark, at: Pixel, ink: Ink) {
-    let Pixel { x, y } = at;
-    let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<Pixel> {
-        corners
-            .iter()
-            .map(|(dx, dy)| Pixel::from_xy(x + dx * size, y + dy * size))
-            .collect()
-    };
-    let (shape, size): (&[(f32, f32)], f32) = match mark {
-        Mark::Collision | Mark::NotFound => {
-            for sign in [-1.0, 1.0] {
-                let from = Pixel::from_xy(x - 6.0, y - 6.0 * sign);
-                let to = Pixel::from_xy(x + 6.0, y + 6.0 * sign);
-                canvas.rule(from, to, 6.0, [255, 255, 255, 220]);
-                canvas.rule(from, to, 3.0, ink);
-            }
-            return;
-        }
-        Mark::FindBase | Mark::Docked | Mark::Undocked => (&HOUSE, 7.0),
-        Mark::Photo => (&SQUARE, 5.0),
-        Mark::Sound => (&DIAMOND, 6.5),
-        Mark::Light => (&STAR, 8.0),
-        Mark::Note => (&FLAG, 8.0),
-    };
-    let white = polygon(size + 1.5, shape);
-    canvas.fill_pixels(&white, [255, 255, 255, 230]);
-    let corners = polygon(size, shape);
-    canvas.fill_pixels(&corners, ink);
+/// Draws a mark with a white border.
+fn symbol(canvas: &mut MapCanvas, [points, inner, turned]: Shape, at: Pixel, ink: Ink) {
+    for (size, ink) in [(9.0, [255, 255, 255, 230]), (7.0, ink)] {
+        let corner = |half: u8| {
+            let radius = if half % 2 == 0 { size } else { size * inner };
+            let angle = (f32::from(half) / 2.0 + turned) / points * std::f32::consts::TAU;
+            Pixel::from_xy(at.x + radius * angle.sin(), at.y - radius * angle.cos())
+        };
+        let corners: Vec<Pixel> = (0..2 * points as u8).map(corner).collect();
+        canvas.fill_pixels(&corners, ink);
+    }
 }
 
 fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
@@ -245,15 +203,13 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
         canvas.write(Pixel::from_xy(left + 26.0, y), text, map::NAME);
         y += 24.0;
     }
-    for (mark, name, ink) in MARKS {
+    for (name, shape, ink, is_marked) in MARKS {
         let all = trace.events().iter();
-        let events: Vec<&TraceEvent> = all
-            .filter(|event| mark_of(&event.kind) == Some(mark))
-            .collect();
+        let events: Vec<&TraceEvent> = all.filter(|event| is_marked(&event.kind)).collect();
         if events.is_empty() {
             continue;
         }
-        symbol(canvas, mark, Pixel::from_xy(left + 6.0, y + 8.0), ink);
+        symbol(canvas, shape, Pixel::from_xy(left + 6.0, y + 8.0), ink);
         let text = format!("{name}: {}", events.len());
         canvas.write(Pixel::from_xy(left + 26.0, y), &text, map::NAME);
         y += 20.0;
@@ -279,10 +235,10 @@ fn details(events: &[&TraceEvent]) -> Vec<String> {
     let line = |event: &&TraceEvent| {
         let at = clock(event.at.as_secs_f64());
         match &event.kind {
-            TraceEventKind::Collision(name) => format!("{at} {name:.18}"),
-            TraceEventKind::Sound(sound) => format!("{at} {sound:?}"),
-            TraceEventKind::Light { led, .. } => format!("{at} {led:?}"),
-            TraceEventKind::Note(text) => format!("{at} {text:.18}"),
+            Kind::Collision(name) => format!("{at} {name:.18}"),
+            Kind::Sound(sound) => format!("{at} {sound:?}"),
+            Kind::Light { led, .. } => format!("{at} {led:?}"),
+            Kind::Note(text) => format!("{at} {text:.18}"),
             _ => at,
         }
     };

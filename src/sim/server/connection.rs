@@ -28,7 +28,6 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 
 #[derive(Debug)]
 pub(crate) enum Event {
-    /// The commands of one read.
     Commands {
         client: u64,
         write: u64,
@@ -54,9 +53,6 @@ pub(crate) struct Channels {
     pub(crate) places: watch::Receiver<Option<Arc<Semaphore>>>,
     pub(crate) cut: CancellationToken,
 }
-
-/// The server has ended.
-struct Ended;
 
 /// Serves a client until one side ends the connection.
 pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
@@ -94,7 +90,7 @@ async fn read<R: AsyncRead + Unpin>(
         channels.unmuted().await;
         let write = channels.writes.fetch_add(1, Ordering::Relaxed);
         let (commands, end) = decode_all(&mut decoder, &buffer[..length]);
-        if channels.pass_on(write, opened, commands).await.is_err() {
+        if channels.pass_on(write, opened, commands).await.is_none() {
             return Ok(());
         }
         end?;
@@ -144,8 +140,9 @@ where
 
 impl Channels {
     /// Passes the commands of one read to the server: all at once, or, to a robot that executes
-    /// them slowly, each as soon as its queue has a place. A login does not wait for a place.
-    async fn pass_on(&self, write: u64, opened: bool, commands: Vec<Command>) -> Result<(), Ended> {
+    /// them slowly, each as soon as its queue has a place. A login does not wait for a place. Returns
+    /// `None` if the server has ended.
+    async fn pass_on(&self, write: u64, opened: bool, commands: Vec<Command>) -> Option<()> {
         let places = self.places.borrow().clone();
         let Some(places) = places else {
             return self.send(write, opened, commands, None).await;
@@ -154,11 +151,11 @@ impl Channels {
             let place = if matches!(command, Command::Login(_)) {
                 None
             } else {
-                Some(places.clone().acquire_owned().await.map_err(|_| Ended)?)
+                Some(places.clone().acquire_owned().await.ok()?)
             };
             self.send(write, opened, vec![command], place).await?;
         }
-        Ok(())
+        Some(())
     }
 
     async fn send(
@@ -167,7 +164,7 @@ impl Channels {
         opened: bool,
         commands: Vec<Command>,
         place: Option<OwnedSemaphorePermit>,
-    ) -> Result<(), Ended> {
+    ) -> Option<()> {
         let event = Event::Commands {
             client: self.client,
             write,
@@ -175,7 +172,7 @@ impl Channels {
             commands,
             place,
         };
-        self.events.send(event).await.map_err(|_| Ended)
+        self.events.send(event).await.ok()
     }
 
     async fn unmuted(&self) {
@@ -218,13 +215,10 @@ pub(crate) struct ReportQueue {
     changed: Notify,
 }
 
-/// The client does not read the reports that it requested.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Overflow;
-
 impl ReportQueue {
-    /// Queues a report. A frame replaces a queued frame.
-    pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
+    /// Queues a report. A frame replaces a queued frame. Returns false if the client does not read
+    /// the reports that it requested.
+    pub(crate) fn push(&self, report: &Report) -> bool {
         let mut queue = self.lock();
         match report {
             Report::Video(_) => queue.put_frame(report.to_bytes()),
@@ -234,11 +228,7 @@ impl ReportQueue {
             _ => queue.put_message(Handshake::Waiting, report.to_bytes()),
         }
         self.changed.notify_one();
-        if queue.length > MAX_QUEUED_BYTES {
-            Err(Overflow)
-        } else {
-            Ok(())
-        }
+        queue.length <= MAX_QUEUED_BYTES
     }
 
     /// Closes the connection after everything has been written.
@@ -332,7 +322,7 @@ mod tests {
     async fn only_the_newest_frame_is_queued_and_messages_go_first() {
         let reports = ReportQueue::default();
         for report in [frame(1), frame(2), power(), frame(3)] {
-            reports.push(&report).unwrap();
+            reports.push(&report);
         }
         assert_eq!(reports.next().await.unwrap(), power().to_bytes());
         assert_eq!(reports.next().await.unwrap(), frame(3).to_bytes());
@@ -342,7 +332,7 @@ mod tests {
     #[tokio::test]
     async fn queued_reports_are_written_before_the_end() {
         let reports = ReportQueue::default();
-        reports.push(&power()).unwrap();
+        reports.push(&power());
         reports.close();
         assert_eq!(reports.next().await.unwrap(), power().to_bytes());
         assert_eq!(reports.next().await, None);
@@ -359,12 +349,12 @@ mod tests {
             tail: Bytes::new(),
         };
         let reports = ReportQueue::default();
-        reports.push(&power()).unwrap();
-        reports.push(&Report::Accepted(accepted)).unwrap();
+        reports.push(&power());
+        reports.push(&Report::Accepted(accepted));
         reports.next().await.unwrap();
         reports.next().await.unwrap();
         assert!(!reports.opened());
-        reports.push(&power()).unwrap();
+        reports.push(&power());
         assert!(!reports.opened());
         reports.next().await.unwrap();
         assert!(reports.opened());
@@ -374,12 +364,12 @@ mod tests {
     fn only_messages_overflow_the_queue_of_a_client_that_never_reads() {
         let reports = ReportQueue::default();
         for _ in 0..10_000 {
-            reports.push(&frame(0)).unwrap();
+            reports.push(&frame(0));
             reports
                 .push(&Report::Audio(Bytes::from(vec![0; 1600])))
                 .unwrap();
         }
         let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
-        assert!((0..10).any(|_| reports.push(&log) == Err(Overflow)));
+        assert!((0..10).any(|_| !reports.push(&log)));
     }
 }

@@ -245,7 +245,6 @@ pub struct ReceivedCommand {
     pub write: u64,
     /// Index of the connection, from 0.
     pub client: u64,
-    /// The command.
     pub command: Command,
 }
 

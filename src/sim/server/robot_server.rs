@@ -17,14 +17,12 @@ use super::handle::{Ends, ReceivedCommand, Request};
 use super::{Options, connection, handle};
 use crate::sim::body::Robot;
 use crate::sim::body::firmware::Firmware;
-use crate::sim::body::memory::describe;
 use crate::sim::faults::proxy::Breaker;
 use crate::sim::faults::scheduler::{FaultScheduler, Transition};
 use crate::sim::faults::{Fault, FaultKind, proxy};
 use crate::sim::geometry::Pose;
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
-/// The physics time step.
 pub(crate) const STEP: Duration = Duration::from_millis(20);
 /// Maximum number of steps to catch up at once after a delay; time beyond that is lost.
 const MAX_CATCH_UP: u32 = 10;
@@ -363,7 +361,7 @@ impl RobotServer {
             }
             self.last_move = Some(command.clone());
         }
-        tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
+        tracing::debug!(target: "spykee::sim::heard", client, "{command:?}");
     }
 
     fn log_in(&mut self, client: u64, login: &Login) {
@@ -611,7 +609,7 @@ impl Clients {
     /// Sends the refusal to `id`, and closes the connection when it has been written.
     fn refuse(&mut self, id: u64, refusal: Refusal) {
         if let Some(client) = self.all.get(&id) {
-            let _ = client.reports.push(&Report::Refused(refusal));
+            client.reports.push(&Report::Refused(refusal));
             client.reports.close();
         }
     }
@@ -621,7 +619,7 @@ impl Clients {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
         };
-        client.reports.push(report).is_ok()
+        client.reports.push(report)
     }
 
     fn disconnect(&mut self, id: u64) -> bool {

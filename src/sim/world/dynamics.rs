@@ -1,8 +1,8 @@
 //! The current state of a world: balls, which roll along their paths or when pushed, and people on
 //! their paths.
 
-use super::World;
 use super::objects::{Route, Spot};
+use super::{World, name_or};
 use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 
@@ -73,8 +73,32 @@ impl Environment {
         }
     }
 
-    pub(crate) fn name_at(&self, point: Point) -> String {
-        self.world.name_of(self.obstacles.nearest(point))
+    /// Returns the name of the thing that is nearest to a place.
+    pub(crate) fn name_at(&self, place: Point) -> String {
+        let Environment {
+            world, obstacles, ..
+        } = self;
+        let here = Circle::new(place, 0.0);
+        let lines = obstacles.high.iter().enumerate().map(|(index, line)| {
+            let name = match index.checked_sub(obstacles.walls) {
+                Some(side) => name_or(&world.furniture[side / 4].name, "furniture"),
+                None => "wall",
+            };
+            (line.distance(place), name)
+        });
+        let station = obstacles.station.iter();
+        let station = station.map(|line| (line.distance(place), "station"));
+        let posts = obstacles.posts.iter().map(|post| (post.gap(here), "post"));
+        let round = obstacles.round.iter().enumerate().map(|(index, circle)| {
+            let name = match index.checked_sub(obstacles.balls) {
+                Some(walker) => name_or(&world.walkers[walker].name, "walker"),
+                None => "ball",
+            };
+            (circle.gap(here), name)
+        });
+        let all = lines.chain(station).chain(posts).chain(round);
+        let nearest = all.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or("wall", |(_, name)| name).to_owned()
     }
 
     /// Moves balls and people for some seconds; nothing moves into the robot.
@@ -150,7 +174,6 @@ impl MovingObject {
 
 struct Trip {
     route: Route,
-    /// The corner to which it goes now.
     next: usize,
     back: bool,
     rested: f64,
@@ -235,6 +258,22 @@ mod tests {
         );
         let place = after(WALKER, (3.0, 3.0), 20);
         assert!((2.5..2.65).contains(&place.x), "{place:?}");
+    }
+
+    #[test]
+    fn the_nearest_thing_has_its_name_or_its_kind() {
+        let things = "balls: [{at: [2, 3.2], colour: red}]\nwalkers: [{at: [4, 2], name: Anna}]\n\
+                      furniture: [{at: [5, 3], length: 0.5, width: 0.5, height: 1, colour: red}]";
+        let environment = Environment::new(world(things));
+        for (x, y, name) in [
+            (2.0, 3.0, "ball"),
+            (4.0, 2.3, "Anna"),
+            (5.0, 2.6, "furniture"),
+            (5.9, 1.0, "wall"),
+            (0.3, 2.0, "station"),
+        ] {
+            assert_eq!(environment.name_at(Point::new(x, y)), name);
+        }
     }
 
     #[test]

@@ -18,7 +18,6 @@ pub struct Tape {
     /// Width in metres.
     #[serde(default = "tape_width", deserialize_with = "number::tape")]
     pub width: f64,
-    /// Its colour.
     pub colour: Paint,
     /// Radius of the rounded corners, metres; limited by the length of the legs.
     #[serde(default, deserialize_with = "number::rounding")]
@@ -32,7 +31,6 @@ pub struct Tape {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// Its name.
     #[serde(default)]
     pub name: String,
     /// The place above which it hangs.
@@ -78,12 +76,9 @@ pub struct Sign {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// Its name.
     #[serde(default)]
     pub name: String,
-    /// Its place.
     pub at: Spot,
-    /// The kind of sound.
     #[serde(default)]
     pub kind: NoiseKind,
     /// Frequency of a tone, or 100 times the rate of knocks, hertz.
@@ -100,16 +95,12 @@ pub struct Noise {
     pub off: Option<Schedule>,
 }
 
-/// Kinds of sounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseKind {
-    /// A pure tone.
     #[default]
     Tone,
-    /// A hiss.
     Hiss,
-    /// Short knocks.
     Knock,
 }
 
@@ -249,16 +240,12 @@ pub struct Schedule {
     #[serde(default, deserialize_with = "number::span")]
     pub after: f64,
     /// Duration of each occurrence, seconds; unlimited if omitted.
-    #[serde(default, rename = "for")]
-    pub lasts: Option<Seconds>,
+    #[serde(default, rename = "for", deserialize_with = "number::span")]
+    pub lasts: Option<f64>,
     /// Period from one beginning to the next, seconds; once only if omitted or 0.
-    #[serde(default)]
-    pub every: Option<Seconds>,
+    #[serde(default, deserialize_with = "number::span")]
+    pub every: Option<f64>,
 }
-
-/// A number of seconds, 0..=86,400.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-pub struct Seconds(#[serde(deserialize_with = "number::span")] pub f64);
 
 impl Schedule {
     /// Whether the schedule is on at a time, in seconds.
@@ -268,10 +255,10 @@ impl Schedule {
             return false;
         }
         let since = match self.every {
-            Some(Seconds(every)) if every > 0.0 => since % every,
+            Some(every) if every > 0.0 => since % every,
             _ => since,
         };
-        self.lasts.is_none_or(|Seconds(lasts)| since < lasts)
+        self.lasts.is_none_or(|lasts| since < lasts)
     }
 }
 

@@ -27,16 +27,13 @@ pub struct Room {
     /// Colour of the walls.
     #[serde(default = "wall_paint")]
     pub walls: Paint,
-    /// What is on the walls.
     #[serde(default)]
     pub decor: Decor,
 }
 
-/// Kinds of floors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Floor {
-    /// Planks.
     #[default]
     Wood,
     /// Light and dark squares.
@@ -47,7 +44,6 @@ pub enum Floor {
     GlossyTiles,
 }
 
-/// What is on the walls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Decor {
@@ -58,7 +54,6 @@ pub enum Decor {
     Laboratory,
 }
 
-/// An inner wall.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -71,11 +66,9 @@ pub struct Wall {
     pub thickness: f64,
 }
 
-/// A box that stands on the floor.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Furniture {
-    /// Its centre.
     pub at: Spot,
     /// Size along its heading, metres.
     #[serde(deserialize_with = "number::side")]
@@ -89,18 +82,14 @@ pub struct Furniture {
     /// Its heading, degrees.
     #[serde(default, deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
-    /// Its colour.
     pub colour: Paint,
-    /// Its name.
     #[serde(default)]
     pub name: String,
 }
 
-/// A carpet.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rug {
-    /// Its centre.
     pub at: Spot,
     /// Size along x, metres.
     #[serde(deserialize_with = "number::side")]
@@ -108,7 +97,6 @@ pub struct Rug {
     /// Size along y, metres.
     #[serde(deserialize_with = "number::side")]
     pub depth: f64,
-    /// Its colour.
     pub colour: Paint,
     /// Height of its edge, metres: it slows a robot, or blocks one with little power.
     #[serde(default, deserialize_with = "number::bump")]
@@ -121,17 +109,14 @@ pub struct Rug {
 pub struct Sill {
     /// One of its ends.
     pub from: Spot,
-    /// The other one.
     pub to: Spot,
     /// Height in metres.
     #[serde(deserialize_with = "number::bump")]
     pub height: f64,
-    /// Its colour.
     #[serde(default = "sill_paint")]
     pub colour: Paint,
 }
 
-/// A ball on the floor.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
@@ -140,18 +125,15 @@ pub struct Ball {
     /// Radius in metres.
     #[serde(default = "ball_radius", deserialize_with = "number::radius")]
     pub radius: f64,
-    /// Its colour.
     pub colour: Paint,
     /// The route along which it rolls.
     #[serde(default)]
     pub path: Option<Route>,
 }
 
-/// A round post.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Post {
-    /// Its centre.
     pub at: Spot,
     /// Radius in metres.
     #[serde(default = "post_radius", deserialize_with = "number::radius")]
@@ -159,7 +141,6 @@ pub struct Post {
     /// Height in metres.
     #[serde(default = "post_height", deserialize_with = "number::height")]
     pub height: f64,
-    /// Its colour.
     pub colour: Paint,
 }
 
@@ -279,11 +260,9 @@ fn post_height() -> f64 {
     0.6
 }
 
-/// The robot's start place and heading.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// The place.
     pub at: Spot,
     /// Heading in degrees, left positive; 0 is along x.
     #[serde(default, deserialize_with = "number::degrees")]
@@ -291,7 +270,6 @@ pub struct Start {
 }
 
 impl Start {
-    /// Returns the start as a pose.
     pub fn pose(&self) -> Pose {
         Pose::at(self.at.point(), self.heading_degrees.to_radians())
     }
@@ -305,7 +283,6 @@ pub struct Spot([Coordinate; 2]);
 struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
 
 impl Spot {
-    /// Returns the place on the floor.
     pub fn point(self) -> Point {
         Point::new(self.0[0].0, self.0[1].0)
     }
@@ -375,7 +352,6 @@ pub struct Route {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
-    /// Their name.
     #[serde(default)]
     pub name: String,
     /// Their place without a `path`, or their start with one.

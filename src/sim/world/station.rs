@@ -23,26 +23,11 @@ const STAGING: f64 = 0.55;
 /// Within this distance the beacon is visible from all directions in front of the station, metres.
 const GLOW: f64 = 0.8;
 
-/// Tolerances of a robot's pose for touching the contacts.
-struct Contact {
-    ahead: f64,
-    aside: f64,
-    turned: f64,
-}
+/// How far a robot may stand ahead of the contacts and aside of them, metres, and be turned, radians, to
+/// touch them; and to keep touching them, because of their springs.
+const CONTACT_CLOSES: [f64; 3] = [0.015, 0.04, 0.2];
+const CONTACT_OPENS: [f64; 3] = [0.05, 0.07, 0.35];
 
-const CONTACT_CLOSES: Contact = Contact {
-    ahead: 0.015,
-    aside: 0.04,
-    turned: 0.2,
-};
-/// Springs keep an existing contact with larger tolerances.
-const CONTACT_OPENS: Contact = Contact {
-    ahead: 0.05,
-    aside: 0.07,
-    turned: 0.35,
-};
-
-/// The charging station.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
@@ -133,7 +118,6 @@ impl Station {
         self.heading_degrees.to_radians()
     }
 
-    /// Returns the pose of a docked robot.
     pub fn dock_pose(&self) -> Pose {
         self.in_front(DEPTH + GAP + RADIUS)
     }
@@ -153,7 +137,6 @@ impl Station {
         wrap(self.heading() + PI)
     }
 
-    /// Returns the corners of its footprint.
     pub fn outline(&self) -> [Point; 4] {
         self.footprint().corners()
     }
@@ -199,14 +182,15 @@ impl Station {
 
     /// Whether a robot at `pose` touches the contacts; `before` tells whether it did so far.
     pub(crate) fn touched(&self, pose: Pose, before: bool) -> bool {
-        let limit = if before {
+        let limits = if before {
             CONTACT_OPENS
         } else {
             CONTACT_CLOSES
         };
         let (ahead, aside) = self.offset(pose);
         let turned = wrap(pose.heading - self.dock_pose().heading);
-        ahead <= limit.ahead && aside.abs() <= limit.aside && turned.abs() <= limit.turned
+        let off = [ahead, aside.abs(), turned.abs()];
+        off.iter().zip(limits).all(|(off, limit)| *off <= limit)
     }
 }
 

@@ -13,22 +13,14 @@ pub(super) const MAX_OBJECTS: usize = 200;
 /// Maximum number of lamps; each has its own light map.
 pub(super) const MAX_LAMPS: usize = 16;
 
-pub(super) struct ValidationError {
-    pub(super) path: Vec<Step>,
-    /// What was found, what was expected, what to do.
-    pub(super) message: String,
+/// The path of a value, and what was found, what was expected, what to do.
+type Mistake = (Vec<Step>, String);
+
+fn mistake(path: &[Step], message: impl Into<String>) -> Result<(), Mistake> {
+    Err((path.to_vec(), message.into()))
 }
 
-impl ValidationError {
-    fn new(path: &[Step], message: impl Into<String>) -> ValidationError {
-        ValidationError {
-            path: path.to_vec(),
-            message: message.into(),
-        }
-    }
-}
-
-pub(super) fn check(world: &World) -> Result<(), ValidationError> {
+pub(super) fn check(world: &World) -> Result<(), Mistake> {
     check_counts(world)?;
     check_corners(world)?;
     check_signs(world)?;
@@ -38,7 +30,7 @@ pub(super) fn check(world: &World) -> Result<(), ValidationError> {
     check_start(world)
 }
 
-fn check_counts(world: &World) -> Result<(), ValidationError> {
+fn check_counts(world: &World) -> Result<(), Mistake> {
     let counts = [
         ("walls", world.walls.len()),
         ("furniture", world.furniture.len()),
@@ -59,14 +51,14 @@ fn check_counts(world: &World) -> Result<(), ValidationError> {
         };
         if count > most {
             let message = format!("{count} {list} are too many: at most {most}");
-            return Err(ValidationError::new(&[Key(list)], message));
+            return mistake(&[Key(list)], message);
         }
     }
     Ok(())
 }
 
 /// Checks the number of corners: lines need two, paths one.
-fn check_corners(world: &World) -> Result<(), ValidationError> {
+fn check_corners(world: &World) -> Result<(), Mistake> {
     let lines = world.lines.iter().enumerate();
     let lines = lines.map(|(i, line)| ("lines", i, "through", line.through.len(), 2));
     let routes = world.routes();
@@ -75,13 +67,13 @@ fn check_corners(world: &World) -> Result<(), ValidationError> {
         if !(least..=MAX_OBJECTS).contains(&count) {
             let path = [Key(list), Index(index), Key(key)];
             let message = format!("{count} corners; expected {least} to {MAX_OBJECTS}");
-            return Err(ValidationError::new(&path, message));
+            return mistake(&path, message);
         }
     }
     Ok(())
 }
 
-fn check_signs(world: &World) -> Result<(), ValidationError> {
+fn check_signs(world: &World) -> Result<(), Mistake> {
     let mut signs = world.signs.iter().enumerate();
     let Some((index, sign)) = signs.find(|(_, sign)| qr_code(&sign.text).is_none()) else {
         return Ok(());
@@ -89,11 +81,11 @@ fn check_signs(world: &World) -> Result<(), ValidationError> {
     let long = sign.text.len();
     let message = format!("{long} bytes are too many for a sign: at most {MAX_TEXT}");
     let path = [Key("signs"), Index(index), Key("text")];
-    Err(ValidationError::new(&path, message))
+    mistake(&path, message)
 }
 
 /// Checks that the lens does not fold the image: it would show two directions at one place.
-fn check_lens(world: &World) -> Result<(), ValidationError> {
+fn check_lens(world: &World) -> Result<(), Mistake> {
     if !world.camera.folds() {
         return Ok(());
     }
@@ -102,11 +94,11 @@ fn check_lens(world: &World) -> Result<(), ValidationError> {
         world.camera.calibrated().distortion
     );
     let path = [Key("camera"), Key("distortion")];
-    Err(ValidationError::new(&path, message))
+    mistake(&path, message)
 }
 
 /// Checks that all things are higher than the camera: no top surfaces are drawn.
-fn check_heights(world: &World) -> Result<(), ValidationError> {
+fn check_heights(world: &World) -> Result<(), Mistake> {
     let furniture = world.furniture.iter().map(|item| item.height);
     let posts = world.posts.iter().map(|post| post.height);
     let people = world.walkers.iter().map(|walker| walker.height);
@@ -122,10 +114,10 @@ fn check_heights(world: &World) -> Result<(), ValidationError> {
         world.camera.height
     );
     let path = [Key("camera"), Key("height")];
-    Err(ValidationError::new(&path, message))
+    mistake(&path, message)
 }
 
-fn check_places(world: &World) -> Result<(), ValidationError> {
+fn check_places(world: &World) -> Result<(), Mistake> {
     let mut spots = spots(world).into_iter();
     let Some((path, point)) = spots.find(|(_, point)| !world.room.holds(*point)) else {
         return Ok(());
@@ -134,31 +126,37 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
         "[{}, {}] is outside the room, which goes from [0, 0] to [{}, {}]: move it inside",
         point.x, point.y, world.room.width, world.room.depth
     );
-    Err(ValidationError { path, message })
+    Err((path, message))
 }
 
-/// Returns the `at` of each thing in a list, with its path in the document.
+/// Returns the place that a key of each thing in a list gives, with its path in the document.
 fn placed<T>(
     list: &'static str,
+    key: &'static str,
     things: &[T],
-    at: impl Fn(&T) -> Spot,
+    place: impl Fn(&T) -> Spot,
 ) -> impl Iterator<Item = (Vec<Step>, Point)> {
-    let places = things.iter().map(move |thing| at(thing).point());
-    let paths = (0..).map(move |index| vec![Key(list), Index(index), Key("at")]);
+    let places = things.iter().map(move |thing| place(thing).point());
+    let paths = (0..).map(move |index| vec![Key(list), Index(index), Key(key)]);
     paths.zip(places)
 }
 
 /// Returns every place that must be in the room, with its path in the document.
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
-    let mut spots: Vec<(Vec<Step>, Point)> = placed("furniture", &world.furniture, |item| item.at)
-        .chain(placed("rugs", &world.rugs, |rug| rug.at))
-        .chain(placed("balls", &world.balls, |ball| ball.at))
-        .chain(placed("posts", &world.posts, |post| post.at))
-        .chain(placed("walkers", &world.walkers, |who| who.at))
-        .chain(placed("lamps", &world.lamps, |lamp| lamp.at))
-        .chain(placed("signs", &world.signs, |sign| sign.at))
-        .chain(placed("sounds", &world.sounds, |noise| noise.at))
-        .collect();
+    let mut spots: Vec<(Vec<Step>, Point)> =
+        placed("furniture", "at", &world.furniture, |item| item.at)
+            .chain(placed("rugs", "at", &world.rugs, |rug| rug.at))
+            .chain(placed("balls", "at", &world.balls, |ball| ball.at))
+            .chain(placed("posts", "at", &world.posts, |post| post.at))
+            .chain(placed("walkers", "at", &world.walkers, |who| who.at))
+            .chain(placed("lamps", "at", &world.lamps, |lamp| lamp.at))
+            .chain(placed("signs", "at", &world.signs, |sign| sign.at))
+            .chain(placed("sounds", "at", &world.sounds, |noise| noise.at))
+            .chain(placed("walls", "from", &world.walls, |wall| wall.from))
+            .chain(placed("walls", "to", &world.walls, |wall| wall.to))
+            .chain(placed("sills", "from", &world.sills, |sill| sill.from))
+            .chain(placed("sills", "to", &world.sills, |sill| sill.to))
+            .collect();
     let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
     add(&[Key("station"), Key("at")], world.station.at);
     if let Some(wifi) = world.wifi {
@@ -166,14 +164,6 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     }
     if let Some(start) = world.start {
         add(&[Key("start"), Key("at")], start.at);
-    }
-    for (index, wall) in world.walls.iter().enumerate() {
-        add(&[Key("walls"), Index(index), Key("from")], wall.from);
-        add(&[Key("walls"), Index(index), Key("to")], wall.to);
-    }
-    for (index, sill) in world.sills.iter().enumerate() {
-        add(&[Key("sills"), Index(index), Key("from")], sill.from);
-        add(&[Key("sills"), Index(index), Key("to")], sill.to);
     }
     for (index, line) in world.lines.iter().enumerate() {
         let path = [Key("lines"), Index(index), Key("through")];
@@ -191,25 +181,25 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
 }
 
 /// Checks that the lane in front of the station and the robot's start are free.
-fn check_start(world: &World) -> Result<(), ValidationError> {
+fn check_start(world: &World) -> Result<(), Mistake> {
     let obstacles = world.obstacles();
     let free = |pose: Pose| {
         let clear = obstacles.clearance(pose.point()) >= RADIUS - 1e-6;
         clear && !world.solid(pose.point())
     };
     if !free(world.station.dock_pose()) || !free(world.station.staging_pose()) {
-        return Err(ValidationError::new(
+        return mistake(
             &[Key("station"), Key("at")],
             "something blocks the station: keep a lane of 0.4 m width and 1 m length free, in the \
              direction of its heading_degrees",
-        ));
+        );
     }
     if free(world.start_pose()) {
         return Ok(());
     }
-    Err(ValidationError::new(
+    mistake(
         &[Key("start"), Key("at")],
         "the robot would start inside something: move `start` at least 0.15 m away from walls and \
          things",
-    ))
+    )
 }

@@ -263,15 +263,6 @@ pub(crate) struct Moments {
     sum_xy: u64,
 }
 
-/// The orientation and roundness of a shape.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Axes {
-    /// Direction of the major axis in radians, 0..pi, from x towards y.
-    pub(crate) rotation: f64,
-    /// Smaller second moment divided by the larger one, 0..1; 0 for a line and for a single pixel.
-    pub(crate) roundness: f64,
-}
-
 impl Moments {
     /// Adds the pixels `start..end` of row `y`.
     pub(crate) fn add_run(&mut self, start: u32, end: u32, y: u32) {
@@ -304,8 +295,10 @@ impl Moments {
         (self.sum_x as f64 / pixels, self.sum_y as f64 / pixels)
     }
 
-    /// Direction and ratio of the axes of the ellipse with the same second moments.
-    pub(crate) fn axes(&self) -> Axes {
+    /// The ellipse with the same second moments: the direction of its major axis in radians, 0..pi, from
+    /// x towards y, and its roundness, the smaller moment divided by the larger one, 0..1; 0 for a line
+    /// and for a single pixel.
+    pub(crate) fn axes(&self) -> (f64, f64) {
         let (cx, cy) = self.centroid();
         let pixels = self.pixels as f64;
         let xx = self.sum_xx as f64 / pixels - cx * cx;
@@ -319,10 +312,7 @@ impl Moments {
         } else {
             0.0
         };
-        Axes {
-            rotation,
-            roundness,
-        }
+        (rotation, roundness)
     }
 }
 
@@ -453,23 +443,17 @@ mod tests {
     #[test]
     fn lines_have_their_direction_and_no_roundness() {
         let line = |dx: u32, dy: u32| of(&[0, 1, 2, 3].map(|i| (10 + i * dx, 10 + i * dy))).axes();
-        assert_eq!(
-            line(1, 0),
-            Axes {
-                rotation: 0.0,
-                roundness: 0.0
-            }
-        );
-        assert!((line(1, 1).rotation - PI / 4.0).abs() < 1e-9);
-        assert!((line(0, 1).rotation - PI / 2.0).abs() < 1e-9);
-        assert!(line(1, 1).roundness < 1e-9);
+        assert_eq!(line(1, 0), (0.0, 0.0));
+        assert!((line(1, 1).0 - PI / 4.0).abs() < 1e-9);
+        assert!((line(0, 1).0 - PI / 2.0).abs() < 1e-9);
+        assert!(line(1, 1).1 < 1e-9);
     }
 
     #[test]
     fn a_square_is_round_and_a_pixel_has_no_shape() {
         let mut square = Moments::default();
         (10..20).for_each(|y| square.add_run(30, 40, y));
-        assert!((square.axes().roundness - 1.0).abs() < 1e-9);
-        assert_eq!(of(&[(5, 5)]).axes().roundness, 0.0);
+        assert!((square.axes().1 - 1.0).abs() < 1e-9);
+        assert_eq!(of(&[(5, 5)]).axes().1, 0.0);
     }
 }

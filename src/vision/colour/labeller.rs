@@ -50,10 +50,9 @@ impl<'a> Labeller<'a> {
         let crs = cr.row(y);
         let key = [y >> cb.down, y >> cr.down, x];
         match (cb.across, cr.across) {
-            (0, 0) => self.label::<1>(key, luma, &cbs[x as usize..], &crs[x as usize..], labels),
             (1, 1) if x.is_multiple_of(2) => {
                 let from = x as usize / 2;
-                self.label::<2>(key, luma, &cbs[from..], &crs[from..], labels)
+                self.label_pairs(key, luma, &cbs[from..], &crs[from..], labels)
             }
             shifts => {
                 for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
@@ -67,8 +66,9 @@ impl<'a> Labeller<'a> {
         }
     }
 
-    /// Labels pixels of which `N` share Cb and Cr; the last group may be shorter.
-    fn label<const N: usize>(
+    /// Labels pixels of which two share Cb and Cr, as in the frames of cameras; the last one may be
+    /// alone.
+    fn label_pairs(
         &mut self,
         key: [u32; 3],
         luma: &[u8],
@@ -76,17 +76,17 @@ impl<'a> Labeller<'a> {
         crs: &[u8],
         labels: &mut [u8],
     ) -> Spans {
-        let count = labels.len().div_ceil(N);
+        let count = labels.len().div_ceil(2);
         let cbs = &cbs[..count];
         let crs = &crs[..count];
         if self.known != Some(key) {
-            self.spans = self.find_spans::<N>(cbs, crs);
+            self.spans = self.find_spans(cbs, crs);
             self.known = Some(key);
         }
         for span in self.spans.ranges(labels.len()) {
-            let numbers = &self.palette.numbers[span.start / N..span.end.div_ceil(N)];
-            let (labels, last_labels) = labels[span.clone()].as_chunks_mut::<N>();
-            let (luma, last_luma) = luma[span].as_chunks::<N>();
+            let numbers = &self.palette.numbers[span.start / 2..span.end.div_ceil(2)];
+            let (labels, last_labels) = labels[span.clone()].as_chunks_mut::<2>();
+            let (luma, last_luma) = luma[span].as_chunks::<2>();
             for ((labels, luma), number) in labels.iter_mut().zip(luma).zip(numbers) {
                 let row = self.palette.row(*number);
                 *labels = luma.map(|luma| row[level(luma)]);
@@ -100,10 +100,10 @@ impl<'a> Labeller<'a> {
 
     /// Finds the spans that may have labels, first by cells, then by pairs; stores the row numbers
     /// of the pairs.
-    fn find_spans<const N: usize>(&mut self, cbs: &[u8], crs: &[u8]) -> Spans {
-        let coarse = self.palette.cells.spans::<N>(self.vectors, cbs, crs);
+    fn find_spans(&mut self, cbs: &[u8], crs: &[u8]) -> Spans {
+        let coarse = self.palette.cells.spans(self.vectors, cbs, crs);
         let mut spans = Spans::NONE;
-        let group = Spans::GROUP / N;
+        let group = Spans::GROUP / 2;
         let mut numbers = std::mem::take(&mut self.palette.numbers);
         numbers.resize(cbs.len(), NO_COLOUR_ROW);
         for index in coarse.groups(cbs.len().div_ceil(group)) {

@@ -159,38 +159,23 @@ fn quality(colour: &Colour, images: &[&Image], roi: Roi) -> f64 {
         (part.x..part.x.saturating_add(part.w)).contains(&x)
             && (part.y..part.y.saturating_add(part.h)).contains(&y)
     };
-    let mut inside = Share::default();
-    let mut outside = Share::default();
+    // How many pixels do not have the colour, and how many have it.
+    let mut inside = [0u32; 2];
+    let mut outside = [0u32; 2];
     for image in images {
         for (x, y) in grid(image.size(), image.size().into()).chain(grid(image.size(), roi)) {
             let Some(rgb) = image.pixel(x, y) else {
                 continue;
             };
             if has(roi, x, y) {
-                inside.count(colour.contains(rgb));
+                inside[usize::from(colour.contains(rgb))] += 1;
             } else if !has(near, x, y) {
-                outside.count(colour.contains(rgb));
+                outside[usize::from(colour.contains(rgb))] += 1;
             }
         }
     }
-    inside.value() * (1.0 - outside.value())
-}
-
-#[derive(Default)]
-struct Share {
-    of: u32,
-    with: u32,
-}
-
-impl Share {
-    fn count(&mut self, has: bool) {
-        self.of += 1;
-        self.with += u32::from(has);
-    }
-
-    fn value(&self) -> f64 {
-        f64::from(self.with) / f64::from(self.of.max(1))
-    }
+    let share = |[without, with]: [u32; 2]| f64::from(with) / f64::from((without + with).max(1));
+    share(inside) * (1.0 - share(outside))
 }
 
 #[cfg(test)]

@@ -248,14 +248,14 @@ impl Cells {
         pausing
     }
 
-    /// The groups of a row that contain live cells, if each Cb and Cr applies to `N` (1 or 2)
-    /// pixels. Returns all groups without vector instructions, because checking would then take as
-    /// long as looking up each pixel.
-    pub(super) fn spans<const N: usize>(&self, vectors: Vectors, cbs: &[u8], crs: &[u8]) -> Spans {
+    /// The groups of a row that contain live cells, if each Cb and Cr applies to two pixels. Returns
+    /// all groups without vector instructions, because checking would then take as long as looking
+    /// up each pixel.
+    pub(super) fn spans(&self, vectors: Vectors, cbs: &[u8], crs: &[u8]) -> Spans {
         match vectors {
             Vectors::Plain => Spans::ALL,
             #[cfg(target_arch = "x86_64")]
-            Vectors::Avx2(v3) => v3.vectorize(avx2::LiveSpans::<N> {
+            Vectors::Avx2(v3) => v3.vectorize(avx2::LiveSpans {
                 v3,
                 lowest: LOWEST,
                 live: &self.live,
@@ -275,8 +275,8 @@ mod avx2 {
 
     use crate::vision::picture::Spans;
 
-    /// Finds the groups of a row that contain live cells, if each Cb and Cr applies to `N` pixels.
-    pub(super) struct LiveSpans<'a, const N: usize> {
+    /// Finds the groups of a row that contain live cells, if each Cb and Cr applies to two pixels.
+    pub(super) struct LiveSpans<'a> {
         pub(super) v3: V3,
         /// The end of the first cell, minus its eight levels.
         pub(super) lowest: u8,
@@ -286,7 +286,7 @@ mod avx2 {
         pub(super) crs: &'a [u8],
     }
 
-    impl<const N: usize> pulp::NullaryFnOnce for LiveSpans<'_, N> {
+    impl pulp::NullaryFnOnce for LiveSpans<'_> {
         type Output = Spans;
 
         #[inline(always)]
@@ -300,13 +300,7 @@ mod avx2 {
                     (Some(cbs), Some(crs)) => eights(self.v3, self.lowest, tables, cbs, crs),
                     _ => 0b1111,
                 };
-                match N {
-                    1 => {
-                        let pairs = live | live >> 1;
-                        spans.add_bits(2 * index, pairs & 1 | pairs >> 1 & 2);
-                    }
-                    _ => spans.add_bits(4 * index, live),
-                }
+                spans.add_bits(4 * index, live);
             }
             spans
         }
@@ -424,34 +418,31 @@ mod tests {
     }
 
     proptest! {
-            /// Exactly the groups whose cells are all settled as not live are skipped.
-            #[test]
-            fn exactly_the_groups_without_live_cells_are_skipped(
-                settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
-                chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
-            ) {
-                let mut cells = Cells::default();
-                for (cb, cr, live) in settled {
-                    let cell = Cell::from_chroma(cb, cr).unwrap();
-                    cells.settle(cell, live);
-                    prop_assert!(cells.is_settled(cell));
-                }
-                let dead = |&(cb, cr): &(u8, u8)| Cell::from_chroma(cb, cr).is_some_and(|cell| {
-                    cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
-                });
-                let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();
-                if matches!(Vectors::default(), Vectors::Plain) {
-                    return Ok(());
-                }
-                let whole = chroma.len() / 32 * 32;
-                let single = cells.spans::<1>(Vectors::default(), &cbs, &crs);
-    let double = cells.spans::<2>(Vectors::default(), &cbs, &crs);
-                for (spans, size) in [(single, 16), (double, 8)] {
-                    let groups = chroma[..whole].chunks(size).enumerate();
-                    let expected = groups.filter(|(_, chroma)| !chroma.iter().all(dead));
-                    let expected: Vec<usize> = expected.map(|(group, _)| group).collect();
-                    prop_assert_eq!(spans.groups(whole / size).collect::<Vec<_>>(), expected);
-                }
+        /// Exactly the groups whose cells are all settled as not live are skipped.
+        #[test]
+        fn exactly_the_groups_without_live_cells_are_skipped(
+            settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
+            chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
+        ) {
+            let mut cells = Cells::default();
+            for (cb, cr, live) in settled {
+                let cell = Cell::from_chroma(cb, cr).unwrap();
+                cells.settle(cell, live);
+                prop_assert!(cells.is_settled(cell));
             }
+            let dead = |&(cb, cr): &(u8, u8)| Cell::from_chroma(cb, cr).is_some_and(|cell| {
+                cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
+            });
+            let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();
+            if matches!(Vectors::default(), Vectors::Plain) {
+                return Ok(());
+            }
+            let whole = chroma.len() / 32 * 32;
+            let spans = cells.spans(Vectors::default(), &cbs, &crs);
+            let groups = chroma[..whole].chunks(8).enumerate();
+            let expected = groups.filter(|(_, chroma)| !chroma.iter().all(dead));
+            let expected: Vec<usize> = expected.map(|(group, _)| group).collect();
+            prop_assert_eq!(spans.groups(whole / 8).collect::<Vec<_>>(), expected);
         }
+    }
 }

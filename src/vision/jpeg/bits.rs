@@ -12,23 +12,24 @@ pub(crate) struct Scan {
 }
 
 impl Scan {
-    pub(crate) fn clear(&mut self) {
+    /// Reads the bytes after a scan's header. Returns the code of the marker that ends the scan.
+    pub(crate) fn load(&mut self, data: &[u8]) -> Result<u8, FrameError> {
         self.bytes.clear();
         self.ends.clear();
-    }
-
-    /// Reads the bytes after a scan's header, or the rest of them. Returns the code of the marker
-    /// that ends the scan.
-    pub(crate) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
+        let mut at = 0;
         loop {
-            rest = &rest[self.take(rest)..];
-            let &[_, code, ..] = rest else {
+            let plain = first_ff(&data[at..]);
+            self.bytes.extend_from_slice(&data[at..at + plain]);
+            at += plain;
+            let &[_, code, ..] = &data[at..] else {
                 return Err(FrameError::NoEnd);
             };
-            rest = &rest[2..];
+            at += 2;
             match code {
+                0 => self.bytes.push(0xFF),
+                0xFF => at -= 1,
                 0xD0..=0xD7 if usize::from(code & 7) == self.ends.len() % 8 => {
-                    self.ends.push(self.bytes.len())
+                    self.ends.push(self.bytes.len());
                 }
                 0xD0..=0xD7 => return Err(FrameError::damaged("a part of its data is missing")),
                 _ => {
@@ -36,24 +37,6 @@ impl Scan {
                     self.bytes.extend([0; PADDING]);
                     return Ok(code);
                 }
-            }
-        }
-    }
-
-    /// Reads bytes up to a marker or to the end of the data received so far. Returns their number.
-    pub(crate) fn take(&mut self, data: &[u8]) -> usize {
-        let mut at = 0;
-        loop {
-            let plain = first_ff(&data[at..]);
-            self.bytes.extend_from_slice(&data[at..at + plain]);
-            at += plain;
-            match data.get(at + 1) {
-                Some(0) => {
-                    self.bytes.push(0xFF);
-                    at += 2;
-                }
-                Some(0xFF) => at += 1,
-                _ => return at,
             }
         }
     }
@@ -72,16 +55,9 @@ impl Scan {
         Bits {
             bytes: &self.bytes[start..],
             len: self.ends[interval] - start,
-            cursor: Cursor::default(),
-        }
-    }
-
-    /// The available bits of the first interval, from a position on.
-    pub(crate) fn bits_from(&self, cursor: Cursor) -> Bits<'_> {
-        Bits {
-            bytes: &self.bytes,
-            len: self.ends.first().copied().unwrap_or(self.bytes.len()),
-            cursor,
+            at: 0,
+            buffer: 0,
+            count: 0,
         }
     }
 }
@@ -112,11 +88,6 @@ fn first_ff(bytes: &[u8]) -> usize {
 pub(crate) struct Bits<'a> {
     bytes: &'a [u8],
     len: usize,
-    cursor: Cursor,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Cursor {
     at: usize,
     /// The next bits, aligned to the top.
     buffer: u64,
@@ -127,7 +98,7 @@ impl Bits<'_> {
     /// Ensures that at least `LEAST` bits can be peeked, at most 56.
     #[inline(always)]
     pub(crate) fn refill<const LEAST: u32>(&mut self) {
-        if self.cursor.count < LEAST {
+        if self.count < LEAST {
             self.refill_always();
         }
     }
@@ -135,35 +106,30 @@ impl Bits<'_> {
     /// Ensures that 56 bits can be peeked.
     #[inline(always)]
     pub(crate) fn refill_always(&mut self) {
-        let Cursor { at, buffer, count } = &mut self.cursor;
-        let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
+        let next = self.bytes.get(self.at..).and_then(<[u8]>::first_chunk::<8>);
         let word = next.map_or(0, |bytes| u64::from_be_bytes(*bytes));
         // The bits of a partly consumed byte are already in the buffer with the same values.
-        *buffer |= word >> *count;
-        *at += (63 - *count) as usize / 8;
-        *count |= 56;
+        self.buffer |= word >> self.count;
+        self.at += (63 - self.count) as usize / 8;
+        self.count |= 56;
     }
 
     /// The next 1 to 32 bits, without consuming them; requires a preceding [`Bits::refill`].
     #[inline(always)]
     pub(crate) fn peek(&self, bits: u32) -> usize {
-        (self.cursor.buffer >> (64 - bits)) as usize
+        (self.buffer >> (64 - bits)) as usize
     }
 
     #[inline(always)]
     pub(crate) fn skip(&mut self, bits: u32) {
-        self.cursor.buffer <<= bits;
-        self.cursor.count = self.cursor.count.wrapping_sub(bits);
+        self.buffer <<= bits;
+        self.count = self.count.wrapping_sub(bits);
     }
 
     /// The number of bits left; negative if more were consumed than there are.
     pub(crate) fn left(&self) -> i64 {
         // Frame lengths are bounded, so nothing is truncated.
-        self.len as i64 * 8 - (self.cursor.at as i64 * 8 - i64::from(self.cursor.count))
-    }
-
-    pub(crate) fn cursor(&self) -> Cursor {
-        self.cursor
+        self.len as i64 * 8 - (self.at as i64 * 8 - i64::from(self.count))
     }
 }
 

@@ -1,29 +1,12 @@
-//! Parses the headers of a baseline JPEG: its size, its tables, and which component uses which
-//! table.
+//! Parses the headers of a baseline JPEG whose markers have been validated: its tables, and which
+//! component uses which table.
 
 use super::frame::{FrameError, Segment, Segments};
-use super::huffman::{AcTable, STANDARD_TABLES, Table};
+use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
-use crate::vision::picture::Size;
 
-/// Why a frame was not decoded by this decoder.
-#[derive(Debug)]
-pub(super) enum DecodeError {
-    /// A kind of JPEG that this decoder does not support, but that may be valid.
-    Unsupported,
-    /// The frame is damaged.
-    Damaged(FrameError),
-}
-
-impl From<FrameError> for DecodeError {
-    fn from(error: FrameError) -> DecodeError {
-        DecodeError::Damaged(error)
-    }
-}
-
-pub(super) fn damaged(what: &str) -> DecodeError {
-    DecodeError::Damaged(FrameError::damaged(what))
-}
+const RARE_SAMPLING: &str = "a sampling that cameras do not use";
+const SEVERAL_SCANS: &str = "several scans";
 
 /// Luma, Cb or Cr, as described by the frame header.
 #[derive(Debug, Clone, Copy, Default)]
@@ -69,19 +52,18 @@ impl Quantiser {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Headers {
     pub(super) quantisers: [Quantiser; 4],
-    pub(super) dc_tables: [Table; 4],
-    pub(super) ac_tables: [AcTable; 4],
+    /// The tables of DC and of AC coefficients.
+    pub(super) tables: [[Table; 4]; 2],
     /// Which tables the current frame has defined: DC, AC.
     present: [[bool; 4]; 2],
     pub(super) components: Vec<Component>,
-    pub(super) size: Option<Size>,
     /// MCUs between restart markers; 0 for none.
     pub(super) restart_interval: usize,
 }
 
 impl Headers {
     /// Parses everything before the data. Returns where the data begins.
-    pub(super) fn read(&mut self, jpeg: &[u8]) -> Result<usize, DecodeError> {
+    pub(super) fn read(&mut self, jpeg: &[u8]) -> Result<usize, FrameError> {
         self.forget();
         let mut has_tables = false;
         let mut segments = Segments::new(jpeg);
@@ -102,8 +84,13 @@ impl Headers {
                     }
                     break self.read_scan(segment)?;
                 }
-                0xC2..=0xCF => return Err(DecodeError::Unsupported),
-                0xEE if segment.body.starts_with(b"Adobe") => return Err(DecodeError::Unsupported),
+                0xC2..=0xCF => return Err(FrameError::Unsupported("not baseline")),
+                // The last byte is 1 for luma, Cb and Cr.
+                0xEE if segment.body.starts_with(b"Adobe") && segment.body.get(11) != Some(&1) => {
+                    return Err(FrameError::Unsupported(
+                        "colours other than luma, Cb and Cr",
+                    ));
+                }
                 _ => {}
             }
         }
@@ -116,29 +103,23 @@ impl Headers {
         }
         self.present = Default::default();
         self.components.clear();
-        self.size = None;
         self.restart_interval = 0;
     }
 
-    fn read_frame(&mut self, body: &[u8]) -> Result<(), DecodeError> {
-        let &[8, h1, h0, w1, w0, count, ref rest @ ..] = body else {
-            return Err(DecodeError::Unsupported);
+    fn read_frame(&mut self, body: &[u8]) -> Result<(), FrameError> {
+        let &[_, _, _, _, _, count, ref rest @ ..] = body else {
+            return Err(FrameError::damaged("its size header is too short"));
         };
-        let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
-        self.size = Some(Size {
-            width: side(w1, w0),
-            height: side(h1, h0),
-        });
         self.components.clear();
         let (parts, _) = rest.as_chunks::<3>();
         if !matches!(count, 1 | 3) || parts.len() < usize::from(count) {
-            return Err(DecodeError::Unsupported);
+            return Err(FrameError::Unsupported("neither grey nor colour"));
         }
         for &[id, factors, quantiser] in &parts[..usize::from(count)] {
             let h = u32::from(factors >> 4);
             let v = u32::from(factors & 15);
             if !matches!(h, 1 | 2 | 4) || !matches!(v, 1 | 2 | 4) || quantiser > 3 {
-                return Err(DecodeError::Unsupported);
+                return Err(FrameError::Unsupported(RARE_SAMPLING));
             }
             let quantiser = usize::from(quantiser);
             self.components.push(Component {
@@ -153,7 +134,7 @@ impl Headers {
     }
 
     /// Checks that luma has the finest sampling. A single component has MCUs of one block.
-    fn check_factors(&mut self, count: u8) -> Result<(), DecodeError> {
+    fn check_factors(&mut self, count: u8) -> Result<(), FrameError> {
         let finest = self.components[0];
         if count == 1 {
             (self.components[0].h, self.components[0].v) = (1, 1);
@@ -162,17 +143,17 @@ impl Headers {
         if self.components.iter().all(coarser) {
             Ok(())
         } else {
-            Err(DecodeError::Unsupported)
+            Err(FrameError::Unsupported(RARE_SAMPLING))
         }
     }
 
-    fn read_quantisers(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
+    fn read_quantisers(&mut self, mut body: &[u8]) -> Result<(), FrameError> {
         while let Some((&kind, rest)) = body.split_first() {
             let wide = kind >> 4 == 1;
             let index = usize::from(kind & 15);
             let len = if wide { 128 } else { 64 };
             if kind >> 4 > 1 || index > 3 || rest.len() < len {
-                return Err(damaged("a quantisation table is cut short"));
+                return Err(FrameError::damaged("a quantisation table is cut short"));
             }
             let value = |at: usize| {
                 if wide {
@@ -187,23 +168,19 @@ impl Headers {
         Ok(())
     }
 
-    fn read_tables(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
+    fn read_tables(&mut self, mut body: &[u8]) -> Result<(), FrameError> {
         while let Some((&kind, rest)) = body.split_first() {
             let class = usize::from(kind >> 4);
             let index = usize::from(kind & 15);
             let Some((counts, rest)) = rest.split_first_chunk::<16>() else {
-                return Err(damaged("a table is cut short"));
+                return Err(FrameError::damaged("a table is cut short"));
             };
             let len: usize = counts.iter().copied().map(usize::from).sum();
             if class > 1 || index > 3 || rest.len() < len {
-                return Err(damaged("a Huffman table is cut short"));
+                return Err(FrameError::damaged("a Huffman table is cut short"));
             }
-            let makes_sense = match class {
-                0 => self.dc_tables[index].load(counts, &rest[..len]),
-                _ => self.ac_tables[index].load(counts, &rest[..len]),
-            };
-            if !makes_sense {
-                return Err(damaged("a Huffman table is inconsistent"));
+            if !self.tables[class][index].load(class == 1, counts, &rest[..len]) {
+                return Err(FrameError::damaged("a Huffman table is inconsistent"));
             }
             self.present[class][index] = true;
             body = &rest[len..];
@@ -211,9 +188,9 @@ impl Headers {
         Ok(())
     }
 
-    fn read_restart_interval(&mut self, body: &[u8]) -> Result<(), DecodeError> {
+    fn read_restart_interval(&mut self, body: &[u8]) -> Result<(), FrameError> {
         let &[high, low, ..] = body else {
-            return Err(damaged("a restart interval is cut short"));
+            return Err(FrameError::damaged("a restart interval is cut short"));
         };
         self.restart_interval = usize::from(u16::from_be_bytes([high, low]));
         Ok(())
@@ -221,22 +198,22 @@ impl Headers {
 
     /// Reads which tables each component uses. This single scan must contain all components in
     /// their order.
-    fn read_scan(&mut self, segment: Segment<'_>) -> Result<(), DecodeError> {
+    fn read_scan(&mut self, segment: Segment<'_>) -> Result<(), FrameError> {
         let Some((&count, rest)) = segment.body.split_first() else {
-            return Err(damaged("its scan header is empty"));
+            return Err(FrameError::damaged("its scan header is empty"));
         };
         let (parts, _) = rest.as_chunks::<2>();
         if usize::from(count) != self.components.len() || parts.len() < usize::from(count) {
-            return Err(DecodeError::Unsupported);
+            return Err(FrameError::Unsupported(SEVERAL_SCANS));
         }
         for (component, &[id, tables]) in self.components.iter_mut().zip(parts) {
             (component.dc_table, component.ac_table) =
                 (usize::from(tables >> 4), usize::from(tables & 15));
             if id != component.id || component.dc_table > 3 || component.ac_table > 3 {
-                return Err(DecodeError::Unsupported);
+                return Err(FrameError::Unsupported(SEVERAL_SCANS));
             }
             if !self.present[0][component.dc_table] || !self.present[1][component.ac_table] {
-                return Err(damaged("a Huffman table is missing"));
+                return Err(FrameError::damaged("a Huffman table is missing"));
             }
         }
         Ok(())

@@ -2,90 +2,52 @@
 
 use super::bits::Bits;
 
-/// Codes up to this length are decoded with one look-up.
-const QUICK: u32 = 10;
+/// Number of bits per look-up. A larger table decodes more values at once, but takes more of the
+/// first-level cache.
+pub(super) const STEP_BITS: u32 = 10;
 
 /// A table, prepared for decoding. The upper half of a symbol is a run of zeros, the lower half the
 /// number of bits of the value that follows.
 #[derive(Debug, Clone)]
-pub(crate) struct Table {
+pub(super) struct Table {
     /// The definition in the frame, 16 counts and the symbols: used to detect that the next frame
     /// has the same table.
     source: Vec<u8>,
-    /// An [`Entry`] for the next [`QUICK`] bits.
-    quick: [Entry; 1 << QUICK],
     /// For each code length, the first longer code, as 16 bits aligned to the top.
     above: [u32; 17],
     /// For each code length, the offset from a code to the index of its symbol.
     place: [i32; 17],
     symbols: [u8; 256],
-}
-
-/// The meaning of the next bits. Bits 0..8: number of bits consumed; 8..16: run or symbol; 16..32:
-/// value. With [`Entry::SYMBOL_ONLY`], the value must still be read; 0 bits consumed means that the
-/// code is longer.
-#[derive(Debug, Clone, Copy, Default)]
-struct Entry(u32);
-
-impl Entry {
-    const SYMBOL_ONLY: u32 = 0x80;
-
-    fn new(taken: u32, middle: u8, value: i32) -> Entry {
-        Entry(taken | u32::from(middle) << 8 | (value as u32) << 16)
-    }
-
-    /// Whether both code and value are known.
-    #[inline(always)]
-    fn is_whole(self) -> bool {
-        self.0 & 0xFF != 0 && self.0 & Entry::SYMBOL_ONLY == 0
-    }
-
-    #[inline(always)]
-    fn taken(self) -> u32 {
-        self.0 & (Entry::SYMBOL_ONLY - 1)
-    }
-
-    #[inline(always)]
-    fn middle(self) -> u32 {
-        self.0 >> 8 & 0xFF
-    }
-
-    #[inline(always)]
-    fn value(self) -> i32 {
-        self.0 as i32 >> 16
-    }
+    steps: Box<[Step; 1 << STEP_BITS]>,
 }
 
 /// A decoded code and the value that follows it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Coded {
-    pub(crate) taken: u32,
-    pub(crate) run: u8,
-    pub(crate) value: i32,
+#[derive(Debug, Clone, Copy)]
+struct Coded {
+    taken: u32,
+    run: u8,
+    value: i32,
 }
 
 impl Default for Table {
     fn default() -> Self {
         Table {
             source: Vec::new(),
-            quick: [Entry::default(); 1 << QUICK],
             above: [0; 17],
             place: [0; 17],
             symbols: [0; 256],
+            steps: Box::new([Step::UNKNOWN; 1 << STEP_BITS]),
         }
     }
 }
 
 impl Table {
-    pub(crate) fn has_definition(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        self.source.get(..16) == Some(counts) && &self.source[16..] == symbols
-    }
-
     /// Builds the table from its definition in a frame: 16 counts, one for each code length, and
-    /// the symbols in the order of their codes. Returns whether it is valid. Does nothing if the
-    /// previous frame had the same table.
-    pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        if self.has_definition(counts, symbols) {
+    /// the symbols in the order of their codes. In a table for AC coefficients, a step decodes up to
+    /// two of them and the end of the block. Returns whether it is valid. Does nothing if the previous
+    /// frame had the same table.
+    pub(super) fn load(&mut self, is_ac: bool, counts: &[u8; 16], symbols: &[u8]) -> bool {
+        if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
             return true;
         }
         self.source.clear();
@@ -94,8 +56,13 @@ impl Table {
         }
         self.symbols = [0; 256];
         self.symbols[..symbols.len()].copy_from_slice(symbols);
-        for bits in 0..1 << QUICK {
-            self.quick[bits as usize] = self.entry(bits);
+        for bits in 0..1 << STEP_BITS {
+            let top = bits << (16 - STEP_BITS);
+            self.steps[bits as usize] = if is_ac {
+                self.ac_step(top)
+            } else {
+                self.dc_step(top)
+            };
         }
         self.source.extend_from_slice(counts);
         self.source.extend_from_slice(symbols);
@@ -119,22 +86,10 @@ impl Table {
         true
     }
 
-    fn entry(&self, bits: u32) -> Entry {
-        if let Some(coded) = self.coded(bits << (16 - QUICK), QUICK) {
-            return Entry::new(coded.taken, coded.run, coded.value);
-        }
-        match self.code(bits << (16 - QUICK), 1) {
-            Some((symbol, length)) if length <= QUICK => {
-                Entry::new(length | Entry::SYMBOL_ONLY, symbol, 0)
-            }
-            _ => Entry::default(),
-        }
-    }
-
     /// Decodes a code and its value from the top of 16 bits, of which only the first `known` are
     /// valid; `None` if they need more bits or the code does not exist.
-    pub(crate) fn coded(&self, bits: u32, known: u32) -> Option<Coded> {
-        let (symbol, length) = self.code(bits, 1)?;
+    fn coded(&self, bits: u32, known: u32) -> Option<Coded> {
+        let (symbol, length) = self.code(bits)?;
         let run = symbol >> 4;
         let size = u32::from(symbol & 15);
         let taken = length + size;
@@ -148,46 +103,88 @@ impl Table {
         Some(Coded { taken, run, value })
     }
 
-    /// Symbol and length of the code at the top of 16 bits, searching from length `shortest` on.
-    fn code(&self, bits: u32, shortest: usize) -> Option<(u8, u32)> {
-        let length = (shortest..=16).find(|length| bits < self.above[*length])?;
+    /// Symbol and length of the code at the top of 16 bits.
+    fn code(&self, bits: u32) -> Option<(u8, u32)> {
+        let length = (1..=16).find(|length| bits < self.above[*length])?;
         let place = (bits >> (16 - length)) as i32 + self.place[length];
         Some((self.symbols[place as usize & 0xFF], length as u32))
     }
 
-    /// The next run of zeros and the value after it; a value of 0 means that there is none. Returns
-    /// `None` for a code that does not exist.
+    /// The meaning of the next [`STEP_BITS`] bits.
     #[inline(always)]
-    pub(crate) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
-        bits.refill::<32>();
-        let entry = self.quick[bits.peek(QUICK)];
-        if entry.is_whole() {
-            bits.skip(entry.taken());
-            return Some((entry.middle(), entry.value()));
-        }
+    pub(super) fn step(&self, bits: usize) -> Step {
+        self.steps[bits % (1 << STEP_BITS)]
+    }
+
+    /// The next run of zeros and the value after it; a value of 0 means that there is none. Returns
+    /// `None` for a code that does not exist. Slow: for what is not in the steps.
+    #[inline(always)]
+    pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
         let mut copy = *bits;
-        let found = self.next_slowly(entry, &mut copy);
+        let found = self.next_slowly(&mut copy);
         *bits = copy;
         found
     }
 
     #[cold]
-    fn next_slowly(&self, entry: Entry, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
-        let (symbol, length) = if entry.taken() > 0 {
-            (entry.middle(), entry.taken())
-        } else {
-            let (symbol, length) = self.code(bits.peek(16) as u32, QUICK as usize + 1)?;
-            (u32::from(symbol), length)
-        };
+    fn next_slowly(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+        bits.refill::<32>();
+        let (symbol, length) = self.code(bits.peek(16) as u32)?;
         bits.skip(length);
-        let size = symbol & 15;
+        let run = u32::from(symbol >> 4);
+        let size = u32::from(symbol & 15);
         if size == 0 {
-            return Some((symbol >> 4, 0));
+            return Some((run, 0));
         }
         // A code has at most 16 bits, so 16 of the 32 are left for the value.
         let plain = bits.peek(size) as u32;
         bits.skip(size);
-        Some((symbol >> 4, signed(plain, size)))
+        Some((run, signed(plain, size)))
+    }
+
+    fn dc_step(&self, bits: u32) -> Step {
+        match self.coded(bits, STEP_BITS) {
+            Some(Coded {
+                taken,
+                run: 0,
+                value,
+            }) => Step::new(taken, [0, NOWHERE], 0, [value, 0]),
+            _ => Step::UNKNOWN,
+        }
+    }
+
+    /// Decodes the top [`STEP_BITS`] of 16 bits.
+    fn ac_step(&self, bits: u32) -> Step {
+        let meaning = |taken: u32| {
+            let coded = self.coded(bits << taken & 0xFFFF, STEP_BITS - taken)?;
+            match (coded.run, coded.value) {
+                (0, 0) => Some(Meaning::End(coded.taken)),
+                // A run of sixteen zeros, or an invalid code: rare, so not in the table.
+                (_, 0) => None,
+                _ => Some(Meaning::Value(coded)),
+            }
+        };
+        let first = match meaning(0) {
+            Some(Meaning::Value(first)) => first,
+            Some(Meaning::End(taken)) => return Step::new(taken, [NOWHERE; 2], END, [0; 2]),
+            None => return Step::UNKNOWN,
+        };
+        let near = u32::from(first.run);
+        let alone =
+            |taken, end| Step::new(taken, [near, NOWHERE], near + 1 + end, [first.value, 0]);
+        let second = match meaning(first.taken) {
+            Some(Meaning::Value(second)) => second,
+            Some(Meaning::End(taken)) => return alone(first.taken + taken, END),
+            None => return alone(first.taken, 0),
+        };
+        let far = near + 1 + u32::from(second.run);
+        let both = first.taken + second.taken;
+        let (taken, end) = match meaning(both) {
+            Some(Meaning::End(taken)) => (both + taken, END),
+            _ => (both, 0),
+        };
+        let values = [first.value, second.value];
+        Step::new(taken, [near, far], far + 1 + end, values)
     }
 }
 
@@ -224,10 +221,6 @@ pub(crate) const STANDARD_TABLES: [u8; 420] = [
     0xC2, 0xC3, 0xC4, 0xC5, 0xC6, 0xC7, 0xC8, 0xC9, 0xCA, 0xD2, 0xD3, 0xD4, 0xD5, 0xD6, 0xD7, 0xD8, 0xD9, 0xDA, 0xE2, 0xE3, 0xE4, 0xE5, 0xE6, 0xE7,
     0xE8, 0xE9, 0xEA, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6, 0xF7, 0xF8, 0xF9, 0xFA,
 ];
-
-/// Number of bits per look-up. A larger table decodes more values at once, but takes more of the
-/// first-level cache.
-pub(super) const STEP_BITS: u32 = 10;
 
 /// The offset of a value that a [`Step`] does not have: such a position is beyond every block.
 const NOWHERE: u32 = 64;
@@ -291,77 +284,7 @@ impl Step {
     }
 }
 
-/// The codes of AC coefficients: decodes up to two values and the end of the block in one look-up.
-#[derive(Debug, Clone)]
-pub(super) struct AcTable {
-    pub(super) codes: Table,
-    steps: Box<[Step; 1 << STEP_BITS]>,
-}
-
-impl Default for AcTable {
-    fn default() -> Self {
-        AcTable {
-            codes: Table::default(),
-            steps: Box::new([Step::UNKNOWN; 1 << STEP_BITS]),
-        }
-    }
-}
-
-impl AcTable {
-    pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        if self.codes.has_definition(counts, symbols) {
-            return true;
-        }
-        let makes_sense = self.codes.load(counts, symbols);
-        if makes_sense {
-            for bits in 0..1 << STEP_BITS {
-                self.steps[bits as usize] = step(&self.codes, bits << (16 - STEP_BITS));
-            }
-        }
-        makes_sense
-    }
-
-    /// The meaning of the next [`STEP_BITS`] bits.
-    #[inline(always)]
-    pub(super) fn step(&self, bits: usize) -> Step {
-        self.steps[bits % (1 << STEP_BITS)]
-    }
-}
-
 enum Meaning {
     Value(Coded),
     End(u32),
-}
-
-/// Decodes the top [`STEP_BITS`] of 16 bits.
-fn step(codes: &Table, bits: u32) -> Step {
-    let meaning = |taken: u32| {
-        let coded = codes.coded(bits << taken & 0xFFFF, STEP_BITS - taken)?;
-        match (coded.run, coded.value) {
-            (0, 0) => Some(Meaning::End(coded.taken)),
-            // A run of sixteen zeros, or an invalid code: rare, so not in the table.
-            (_, 0) => None,
-            _ => Some(Meaning::Value(coded)),
-        }
-    };
-    let first = match meaning(0) {
-        Some(Meaning::Value(first)) => first,
-        Some(Meaning::End(taken)) => return Step::new(taken, [NOWHERE; 2], END, [0; 2]),
-        None => return Step::UNKNOWN,
-    };
-    let near = u32::from(first.run);
-    let alone = |taken, end| Step::new(taken, [near, NOWHERE], near + 1 + end, [first.value, 0]);
-    let second = match meaning(first.taken) {
-        Some(Meaning::Value(second)) => second,
-        Some(Meaning::End(taken)) => return alone(first.taken + taken, END),
-        None => return alone(first.taken, 0),
-    };
-    let far = near + 1 + u32::from(second.run);
-    let both = first.taken + second.taken;
-    let (taken, end) = match meaning(both) {
-        Some(Meaning::End(taken)) => (both + taken, END),
-        _ => (both, 0),
-    };
-    let values = [first.value, second.value];
-    Step::new(taken, [near, far], far + 1 + end, values)
 }

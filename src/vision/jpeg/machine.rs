@@ -1,37 +1,6 @@
-//! Compiles everything between a frame's bits and its samples once for each vector instruction set.
+//! The inverse transform of two blocks, with the vector instructions of each machine.
 
 use super::idct;
-use crate::vision::Vectors;
-
-/// Code that is compiled for each machine. Its [`run`](Work::run) and all functions on its hot path
-/// must be `#[inline(always)]`: a function that is not inlined is compiled without the machine's
-/// instructions.
-pub(super) trait Work {
-    type Output;
-    fn run<M: Machine>(self, machine: M) -> Self::Output;
-}
-
-pub(super) fn run<W: Work>(vectors: Vectors, work: W) -> W::Output {
-    match vectors {
-        Vectors::Plain => work.run(Plain),
-        #[cfg(target_arch = "x86_64")]
-        Vectors::Avx2(v3) => v3.vectorize(OnV3(v3, work)),
-    }
-}
-
-/// Runs work with AVX2 enabled. This is not a closure, because a closure might not be inlined.
-#[cfg(target_arch = "x86_64")]
-struct OnV3<W>(pulp::x86::V3, W);
-
-#[cfg(target_arch = "x86_64")]
-impl<W: Work> pulp::NullaryFnOnce for OnV3<W> {
-    type Output = W::Output;
-
-    #[inline(always)]
-    fn call(self) -> W::Output {
-        self.1.run(self.0)
-    }
-}
 
 /// Coefficients of a block, followed by padding that is written but never read; see
 /// [`super::mcu`].

@@ -3,19 +3,16 @@
 
 use std::ops::Range;
 
-use super::bits::{Bits, Cursor, Scan};
-use super::headers::{DecodeError, damaged};
-use super::huffman::{AcTable, STEP_BITS, Step, Table};
+use super::bits::{Bits, Scan};
+use super::frame::FrameError;
+use super::huffman::{STEP_BITS, Step, Table};
 use super::idct;
-use super::machine::{Coefficients, Machine, Work, run};
+use super::machine::{Coefficients, Machine, Plain};
 use crate::vision::Vectors;
 use crate::vision::picture::Plane;
 
 /// Most bytes that may be left after all blocks are decoded; some cameras pad.
 const MAX_LEFT_OVER: i64 = 16;
-
-/// Upper limit of the bits of a block: 64 values with a code of 16 bits and 11 bits of value each.
-const MAX_BLOCK_BITS: i64 = 64 * (16 + 11);
 
 pub(super) struct ComponentDecoder<'a> {
     /// Blocks of the component in an MCU, across and down (T.81: H and V).
@@ -23,7 +20,7 @@ pub(super) struct ComponentDecoder<'a> {
     pub(super) v: usize,
     pub(super) quantiser: &'a [i32; 64],
     pub(super) dc_table: &'a Table,
-    pub(super) ac_table: &'a AcTable,
+    pub(super) ac_table: &'a Table,
     /// The DC coefficient of the previous block; the next one is coded as a difference from it.
     pub(super) predictor: i32,
     pub(super) queue: BlockQueue,
@@ -37,7 +34,7 @@ pub(super) fn decode_scan(
     across: usize,
     down: usize,
     mut components: [ComponentDecoder<'_>; 3],
-) -> Result<(), DecodeError> {
+) -> Result<(), FrameError> {
     let mcus = across * down;
     let interval = if restart_interval == 0 {
         mcus
@@ -45,90 +42,61 @@ pub(super) fn decode_scan(
         restart_interval
     };
     if scan.intervals() != mcus.div_ceil(interval) {
-        return Err(damaged("a part of its data is missing"));
+        return Err(FrameError::damaged("a part of its data is missing"));
     }
     for index in 0..scan.intervals() {
-        components
-            .iter_mut()
-            .for_each(|component| component.predictor = 0);
-        let some = index * interval..mcus.min((index + 1) * interval);
-        decode_interval(vectors, scan.bits(index), some, across, &mut components)?;
+        for component in &mut components {
+            component.predictor = 0;
+        }
+        let mcus = Mcus {
+            bits: scan.bits(index),
+            mcus: index * interval..mcus.min((index + 1) * interval),
+            across,
+            components: &mut components,
+        };
+        if mcus.decode(vectors)?.left() > MAX_LEFT_OVER * 8 {
+            return Err(FrameError::damaged(
+                "its data continues after the last block",
+            ));
+        }
     }
     Ok(())
 }
 
-/// Decodes the remaining MCUs of a restart interval, which must end with them; `across` is the
-/// number of MCUs per row.
-pub(super) fn decode_interval(
-    vectors: Vectors,
-    bits: Bits<'_>,
-    mcus: Range<usize>,
-    across: usize,
-    components: &mut [ComponentDecoder<'_>; 3],
-) -> Result<(), DecodeError> {
-    let mcus = Mcus {
-        bits,
-        mcus,
-        across,
-        components,
-        reserve: i64::MIN,
-    };
-    let (bits, _) = run(vectors, mcus)?;
-    if bits.left() > MAX_LEFT_OVER * 8 {
-        return Err(damaged("its data continues after the last block"));
-    }
-    Ok(())
-}
-
-/// Decodes MCUs as long as enough bits have been received. Returns the read position and the index
-/// of the next MCU.
-pub(super) fn decode_ahead(
-    vectors: Vectors,
-    bits: Bits<'_>,
-    mcus: Range<usize>,
-    across: usize,
-    components: &mut [ComponentDecoder<'_>; 3],
-) -> Result<(Cursor, usize), DecodeError> {
-    let blocks: usize = components.iter().map(|part| part.h * part.v).sum();
-    let mcus = Mcus {
-        bits,
-        mcus,
-        across,
-        components,
-        reserve: blocks as i64 * MAX_BLOCK_BITS,
-    };
-    let (bits, mcu) = run(vectors, mcus)?;
-    Ok((bits.cursor(), mcu))
-}
-
-/// MCUs to decode while more than `reserve` bits are left.
+/// The MCUs of a restart interval; `across` is their number per row.
 struct Mcus<'a, 'b, 'c> {
     bits: Bits<'a>,
     mcus: Range<usize>,
     across: usize,
     components: &'b mut [ComponentDecoder<'c>; 3],
-    reserve: i64,
 }
 
-impl<'a> Work for Mcus<'a, '_, '_> {
-    /// The bits after the decoded MCUs, and the index of the next MCU.
-    type Output = Result<(Bits<'a>, usize), DecodeError>;
+impl<'a> Mcus<'a, '_, '_> {
+    /// Decodes all; returns the bits after them.
+    fn decode(self, vectors: Vectors) -> Result<Bits<'a>, FrameError> {
+        match vectors {
+            Vectors::Plain => self.decode_on(Plain),
+            #[cfg(target_arch = "x86_64")]
+            Vectors::Avx2(v3) => v3.vectorize(OnV3(v3, self)),
+        }
+    }
 
+    /// Compiled for each machine. This and all functions on its hot path must be
+    /// `#[inline(always)]`: a function that is not inlined is compiled without the machine's
+    /// instructions.
     #[inline(always)]
-    fn run<M: Machine>(mut self, machine: M) -> Self::Output {
-        let Range { start, end } = self.mcus;
-        let mut mcu = start;
-        let mut x = start % self.across;
-        let mut y = start / self.across;
-        while mcu < end && self.bits.left() > self.reserve {
+    fn decode_on<M: Machine>(mut self, machine: M) -> Result<Bits<'a>, FrameError> {
+        let mut x = self.mcus.start % self.across;
+        let mut y = self.mcus.start / self.across;
+        for _ in self.mcus {
             for component in &mut *self.components {
                 decode_blocks(machine, &mut self.bits, component, x, y)
-                    .ok_or_else(|| damaged("its data is invalid"))?;
+                    .ok_or_else(|| FrameError::damaged("its data is invalid"))?;
             }
             if self.bits.left() < 0 {
-                return Err(damaged("its data ends early"));
+                return Err(FrameError::damaged("its data ends early"));
             }
-            (mcu, x) = (mcu + 1, x + 1);
+            x += 1;
             if x == self.across {
                 (x, y) = (0, y + 1);
             }
@@ -136,7 +104,21 @@ impl<'a> Work for Mcus<'a, '_, '_> {
         for component in self.components {
             component.queue.finish(machine, component.plane);
         }
-        Ok((self.bits, mcu))
+        Ok(self.bits)
+    }
+}
+
+/// Decodes with AVX2 enabled. This is not a closure, because a closure might not be inlined.
+#[cfg(target_arch = "x86_64")]
+struct OnV3<'a, 'b, 'c>(pulp::x86::V3, Mcus<'a, 'b, 'c>);
+
+#[cfg(target_arch = "x86_64")]
+impl<'a> pulp::NullaryFnOnce for OnV3<'a, '_, '_> {
+    type Output = Result<Bits<'a>, FrameError>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        self.1.decode_on(self.0)
     }
 }
 
@@ -240,7 +222,7 @@ impl BlockQueue {
 pub(super) fn decode_block(
     bits: &mut Bits<'_>,
     dc_table: &Table,
-    ac_table: &AcTable,
+    ac_table: &Table,
     quantiser: &[i32; 64],
     predictor: &mut i32,
     Coefficients(coefficients): &mut Coefficients,
@@ -268,7 +250,7 @@ pub(super) fn decode_block(
             bits.skip(step.taken());
             return Some(next != END_WITHOUT_AC);
         }
-        let (run, value) = ac_table.codes.next(bits)?;
+        let (run, value) = ac_table.next(bits)?;
         index += run as usize;
         match (run, value) {
             (0, 0) => return Some(index > 1),
@@ -289,6 +271,11 @@ pub(super) fn decode_block(
 fn decode_difference(bits: &mut Bits<'_>, dc_table: &Table) -> Option<i32> {
     // Most blocks need fewer bits than this loads, so the branch in the next refill is predictable.
     bits.refill_always();
+    let step = dc_table.step(bits.peek(STEP_BITS));
+    if step.taken() > 0 {
+        bits.skip(step.taken());
+        return Some(step.first_value());
+    }
     match dc_table.next(bits)? {
         (0, difference) => Some(difference),
         _ => None,
@@ -306,19 +293,16 @@ mod tests {
     use crate::vision::jpeg::huffman::STANDARD_TABLES;
 
     /// The standard's luma tables: DC, AC.
-    fn tables() -> (Table, AcTable) {
+    fn tables() -> (Table, Table) {
         let mut dc = Table::default();
-        let mut ac = AcTable::default();
+        let mut ac = Table::default();
         let mut rest = &STANDARD_TABLES[4..];
         for is_ac in [false, true] {
             let counts = rest[1..].first_chunk::<16>().unwrap();
             let len: usize = counts.iter().copied().map(usize::from).sum();
             let symbols = &rest[17..][..len];
-            assert!(if is_ac {
-                ac.load(counts, symbols)
-            } else {
-                dc.load(counts, symbols)
-            });
+            let table = if is_ac { &mut ac } else { &mut dc };
+            assert!(table.load(is_ac, counts, symbols));
             rest = &rest[17 + len..];
         }
         (dc, ac)
@@ -327,7 +311,7 @@ mod tests {
     /// Decodes code by code as in the standard (T.81 F.2.2).
     fn one_by_one(
         bits: &mut Bits<'_>,
-        (dc, ac): (&Table, &AcTable),
+        (dc, ac): (&Table, &Table),
         quantiser: &[i32; 64],
         predictor: &mut i32,
     ) -> Option<[i16; 64]> {
@@ -339,7 +323,7 @@ mod tests {
         coefficients[0] = idct::dequantised(*predictor, quantiser[0]);
         let mut index = 1;
         while index < 64 {
-            let (run, value) = ac.codes.next(bits)?;
+            let (run, value) = ac.next(bits)?;
             index += run as usize;
             match (run, value) {
                 (0, 0) => break,

@@ -55,9 +55,6 @@ fn check_validated(jpeg: &[u8], validated: &Result<Size, FrameError>) {
 
 fn search(state: &mut State, jpeg: &[u8], validated: Result<Size, FrameError>) {
     state.frames += 1;
-    for part in prefixes(jpeg) {
-        state.analyser.decode_ahead(part);
-    }
     let size = match state.analyser.decode(state.frames, jpeg) {
         Ok(image) => image.size(),
         Err(error) => return check_refusal(error, validated),
@@ -88,14 +85,6 @@ let max = options.max_blobs;
         .expect("it was decoded");
     assert!((0.0..=1.0).contains(&brightness(image, options.roi)));
     assert!(sharpness(image, options.roi) >= 0.0);
-}
-
-/// Returns two prefixes of the frame, as received before it was complete.
-fn prefixes(jpeg: &[u8]) -> [&[u8]; 2] {
-    let bytes = jpeg
-        .split_last_chunk::<2>()
-        .map_or([0; 2], |(_, bytes)| *bytes);
-    bytes.map(|byte| &jpeg[..jpeg.len() * usize::from(byte) / 256])
 }
 
 /// A frame rejected by its markers must be rejected for the same reason; a frame that they accept
