@@ -24,7 +24,7 @@ pub enum DockState {
     /// On the station, by its own report, and not charging.
     ContactReported,
     /// Off the station.
-    Left(Source),
+    Left,
     /// On the station or off it.
     Unknown,
 }
@@ -34,21 +34,10 @@ impl fmt::Display for DockState {
         f.write_str(match self {
             DockState::Charging => "on its station, charging",
             DockState::ContactReported => "on its station, not charging",
-            DockState::Left(_) => "off its station",
+            DockState::Left => "off its station",
             DockState::Unknown => "unknown",
         })
     }
-}
-
-/// The evidence that the robot is off its station.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// ENGINE 1.
-    Engine,
-    /// The answer to the login.
-    Login,
-    /// A POWER that reports no charging, after CHARGE_STOP.
-    Power,
 }
 
 /// Why the robot is no longer believed to be on its station.
@@ -135,7 +124,7 @@ impl DockTracker {
         self.settle_charge_stop();
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
-            return self.set_left(Source::Login);
+            return self.set_left();
         }
         self.contact = true;
         if tried {
@@ -162,7 +151,7 @@ impl DockTracker {
     pub fn undocked(&mut self, now: Instant) {
         let left = self.charge_stop_sent.then_some(now);
         self.settle_charge_stop();
-        self.set_left(Source::Engine);
+        self.set_left();
         self.left_at = left;
     }
 
@@ -240,13 +229,13 @@ impl DockTracker {
         (self.leaving, self.charge_stop_sent, self.left_at) = (None, false, None);
     }
 
-    fn set_left(&mut self, source: Source) {
-        (self.dock_state, self.contact, self.charge_due) = (DockState::Left(source), false, None);
+    fn set_left(&mut self) {
+        (self.dock_state, self.contact, self.charge_due) = (DockState::Left, false, None);
     }
 
     fn charging_ended(&mut self, now: Instant) {
         if self.is_leaving() {
-            self.set_left(Source::Power);
+            self.set_left();
         } else if self.contact {
             self.dock_state = DockState::ContactReported;
             self.charge_due = Some(now + self.charge_timeout);
@@ -267,7 +256,7 @@ mod tests {
         let texts = [
             DockState::Charging,
             DockState::ContactReported,
-            DockState::Left(Source::Login),
+            DockState::Left,
             DockState::Unknown,
         ];
         let texts = texts.map(|dock_state| dock_state.to_string());
@@ -291,7 +280,7 @@ mod tests {
         let (mut dock_state, now) = nowhere();
         assert_eq!(dock_state.dock_state(), DockState::Unknown);
         dock_state.login(false, false, now);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Login));
+        assert_eq!(dock_state.dock_state(), DockState::Left);
         dock_state.docked(now);
         assert_eq!(dock_state.dock_state(), DockState::ContactReported);
         dock_state.power(true, now);
@@ -309,7 +298,7 @@ mod tests {
             "full, or no current"
         );
         dock_state.undocked(now);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Engine));
+        assert_eq!(dock_state.dock_state(), DockState::Left);
     }
 
     #[test]
@@ -352,10 +341,10 @@ mod tests {
         dock_state.power(true, now);
         dock_state.leave_station(20 * SECOND, now);
         dock_state.power(false, now + SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
+        assert_eq!(dock_state.dock_state(), DockState::Left);
         assert!(dock_state.is_leaving());
         dock_state.poll(false, now + 20 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
+        assert_eq!(dock_state.dock_state(), DockState::Left);
         assert!(!dock_state.is_leaving());
     }
 

@@ -92,7 +92,7 @@ impl Default for Limits {
     }
 }
 
-/// Why values in [`Limits`] contradict each other.
+/// Why values in [`Limits`] are refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
     /// The levels of the battery are not in order.
@@ -105,6 +105,9 @@ pub enum LimitsError {
         /// As given.
         ok: Percent,
     },
+    /// A rescue that is neither a known keyword nor a script.
+    #[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
+    Rescue(String),
 }
 
 impl Limits {
@@ -148,20 +151,15 @@ pub enum Rescue {
     File(PathBuf),
 }
 
-/// A `rescue` value that is neither a known keyword nor a script.
-#[derive(Debug, thiserror::Error)]
-#[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
-pub struct UnknownRescue(String);
-
 impl TryFrom<String> for Rescue {
-    type Error = UnknownRescue;
+    type Error = LimitsError;
 
-    fn try_from(text: String) -> Result<Rescue, UnknownRescue> {
+    fn try_from(text: String) -> Result<Rescue, LimitsError> {
         match text.as_str() {
             "builtin" => Ok(Rescue::Builtin),
             "off" => Ok(Rescue::Off),
             file if file.ends_with(".lua") => Ok(Rescue::File(PathBuf::from(file))),
-            _ => Err(UnknownRescue(text)),
+            _ => Err(LimitsError::Rescue(text)),
         }
     }
 }

@@ -15,10 +15,10 @@ use tokio::time::Instant;
 
 use super::docking::{ActiveDocking, Caller};
 use super::{
-    ALARM, Act, AfterFailure, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging,
-    DockAction, DockLimits, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep,
-    HostLife, LastWords, Leases, Limits, LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Retry,
-    Tracks, WaitingMotion, capped,
+    ALARM, Act, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction,
+    DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep, HostLife, LastWords,
+    Leases, Limits, LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Tracks, WaitingMotion,
+    capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
@@ -91,10 +91,8 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// How a behaviour's docking backs off between attempts: at this power, percent ...
+    /// The power with which a behaviour's docking backs off between attempts, percent.
     const BACK_OFF_PERCENT: f64 = 30.0;
-    /// ... for this long.
-    const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
     /// The mean power of both tracks with which a robot is taken to search for its station.
     const SEARCH_EFFORT: f64 = 0.3;
     /// How long 0 % on the contacts may mean that the battery charges.
@@ -655,25 +653,19 @@ impl Watchdog {
 
     /// Begins a search of the watchdog's own or, on the station, the wait for charging.
     fn send_home(&mut self, now: Instant) {
-        let limits = self.own_dock_limits(0, Retry::Never);
+        let plan = self.own_dock_plan(0);
         if let Some(active) = self.docking.take()
             && let Some(homing) = &mut self.homing
         {
             homing.callers.extend(active.callers);
         }
         self.end_motion(MotionEnd::Safety);
-        self.start_docking(limits, true, vec![], now);
+        self.start_docking(plan, true, vec![], now);
     }
 
-    fn start_docking(
-        &mut self,
-        limits: DockLimits,
-        forced: bool,
-        callers: Vec<Caller>,
-        now: Instant,
-    ) {
+    fn start_docking(&mut self, plan: DockPlan, forced: bool, callers: Vec<Caller>, now: Instant) {
         self.end_motion(MotionEnd::Preempted);
-        let (docking, actions) = Docking::start(limits, self.docked(), now);
+        let (docking, actions) = Docking::start(plan, forced, self.docked(), now);
         let active = ActiveDocking {
             docking,
             forced,
@@ -688,15 +680,12 @@ impl Watchdog {
         self.execute_dock_actions(actions, now);
     }
 
-    /// The limits of a docking that no behaviour has asked for.
-    fn own_dock_limits(&self, retries: u32, retry: Retry) -> DockLimits {
-        DockLimits {
-            plan: DockPlan {
-                timeout: self.limits.dock_timeout.get(),
-                retries,
-                charge_timeout: self.limits.charge_timeout.get(),
-            },
-            retry,
+    /// The plan of a docking that no behaviour has asked for.
+    fn own_dock_plan(&self, retries: u32) -> DockPlan {
+        DockPlan {
+            timeout: self.limits.dock_timeout.get(),
+            retries,
+            charge_timeout: self.limits.charge_timeout.get(),
         }
     }
 
@@ -848,14 +837,14 @@ impl Watchdog {
         );
     }
 
-    fn begin(&mut self, next: AfterFailure) -> String {
+    fn begin(&mut self, next: HomingStep) -> String {
         match next {
-            AfterFailure::Search => "searches again".to_owned(),
-            AfterFailure::BlindMove(number) => {
+            HomingStep::Search => "searches again".to_owned(),
+            HomingStep::BlindMove(number) => {
                 format!("makes short blind move {number}, and searches from there")
             }
-            AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            AfterFailure::DriveGrant { by, time: seconds } => {
+            HomingStep::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
+            HomingStep::DriveGrant { by, time: seconds } => {
                 let power = self.limits.rescue_power;
                 self.acts
                     .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
@@ -880,15 +869,15 @@ impl Watchdog {
         };
         match homing.poll(may_drive, now) {
             None => {}
-            Some(HomingStep::BlindMove(number)) => {
+            Some(HomingStep::Search) => self.send_home(now),
+            Some(next) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(AfterFailure::BlindMove(number));
+                let next = self.begin(next);
                 self.announce(
                     SafetyAction::Dock,
                     format!("no behaviour has driven: {next}"),
                 );
             }
-            Some(HomingStep::Search) => self.send_home(now),
         }
     }
 
@@ -1074,7 +1063,7 @@ impl Watchdog {
                 self.recharge.forget();
             }
             DockState::Charging => {}
-            DockState::Left(_) | DockState::Unknown => {
+            DockState::Left | DockState::Unknown => {
                 if driven || !self.recharge.is_away() {
                     self.recharge.forget();
                 }
@@ -1088,18 +1077,17 @@ impl Watchdog {
     /// Docks again, from the station or off it. Nothing of it is forced: a behaviour that wants to
     /// drive ends it.
     fn dock_again(&mut self, now: Instant) {
-        let retry = Retry::Reverse(Watchdog::BACK_OFF_TIME);
-        let limits = self.own_dock_limits(DockPlan::default().retries, retry);
+        let plan = self.own_dock_plan(DockPlan::default().retries);
         let level = self.battery_monitor.level();
         self.recharge.begin(level, self.limits.low);
         if !self.docked() {
-            return self.start_docking(limits, false, vec![], now);
+            return self.start_docking(plan, false, vec![], now);
         }
         let at = level.map_or_else(String::new, |level| format!(", at {level}"));
         let reason = format!("its station does not charge{at}: leaves it and docks again");
         self.announce(SafetyAction::Dock, reason);
         self.end_motion(MotionEnd::Docked);
-        let (docking, actions) = Docking::leave(limits, now);
+        let (docking, actions) = Docking::leave(plan, now);
         let active = ActiveDocking {
             docking,
             forced: false,
@@ -1281,11 +1269,7 @@ impl Watchdog {
             charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
             ..plan
         };
-        let limits = DockLimits {
-            plan,
-            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
-        };
-        self.start_docking(limits, false, vec![caller], now);
+        self.start_docking(plan, false, vec![caller], now);
     }
 
     fn dock_refusal(&self, caller: Caller) -> Option<DockEnd> {
@@ -1328,8 +1312,7 @@ impl Watchdog {
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left =
-            matches!(self.dock_state(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
+        let left = matches!(self.dock_state(), DockState::Left) && !self.dock_tracker.is_leaving();
         let low = self.battery_monitor.low().is_some() || !self.battery_monitor.may_leave();
         if !self.online {
             Some(DockEnd::Disconnected)

@@ -3,7 +3,6 @@
 
 use super::*;
 use crate::robot::DockPlan;
-use crate::safety::Source;
 use crate::wire::{Led, Sound};
 
 #[test]
@@ -339,7 +338,7 @@ fn the_end_of_charging_while_backing_out_does_not_allow_motion_yet() {
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
     rig.handle(Fact::Power(power(80)));
-    assert_eq!(rig.dog.dock_state(), DockState::Left(Source::Power));
+    assert_eq!(rig.dog.dock_state(), DockState::Left);
     assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
@@ -353,7 +352,7 @@ fn charging_reported_just_after_a_requested_undocking_is_ignored_as_outdated() {
     rig.handle(Fact::Engine(EngineReport::Undocked));
     rig.pass(4 * SECOND, false);
     rig.handle(Fact::Power(charging(80)));
-    assert_eq!(rig.dog.dock_state(), DockState::Left(Source::Engine));
+    assert_eq!(rig.dog.dock_state(), DockState::Left);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     rig.pass(6 * SECOND, true);
     rig.handle(Fact::Power(charging(80)));
