@@ -27,7 +27,7 @@ use tracing::{debug, info, warn};
 
 use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{Confirmation, Executes, Incoming, LinkError, Writer, hang_up};
+use crate::link::{Confirmation, Executes, Incoming, LinkError, Session, Writer, hang_up};
 use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
@@ -38,11 +38,11 @@ use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
-use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
+use self::connection::{Connection, ConnectionEvent};
 use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
 use self::debt::{Debt, DebtAction};
-use self::outputs::{EmergencyStopState, QuietHours, Restrictions};
+use self::outputs::{QuietHours, Restrictions};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
@@ -129,7 +129,9 @@ pub struct Pilot {
     writer: Option<Writer>,
     sessions: Sessions,
     actuators: ActuatorState,
-    emergency_stop: EmergencyStopState,
+    /// A person's STOP holds.
+    emergency_stop: bool,
+    emergency_stop_sent: Option<Instant>,
     silence: Silence,
     debt: Debt,
     /// A robot that answers questions executes nothing at present.
@@ -185,7 +187,8 @@ impl Pilot {
             writer: None,
             sessions: Sessions::new(settings.streams),
             actuators: ActuatorState::default(),
-            emergency_stop: EmergencyStopState::default(),
+            emergency_stop: false,
+            emergency_stop_sent: None,
             silence: Silence::new(Instant::now()),
             debt: Debt::default(),
             executes_nothing: false,
@@ -264,11 +267,16 @@ impl Pilot {
                 () = guardian_changed(self.heartbeat.as_mut()) => self.check_guardian(),
                 () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
-                written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
-                event = connection.next() => match self.handle_event(event) {
-                    Ok(()) => Ok(()),
-                    Err(ConnectionEventError::Lost(lost)) => Err(lost),
-                    Err(ConnectionEventError::First(error)) => return Err(error),
+                written = progress(self.writer.as_mut()) => written,
+                event = connection.next() => match event {
+                    // A person can read why the very first connection has failed.
+                    ConnectionEvent::Failed(error)
+                        if self.info.is_none() && self.ending.is_none() =>
+                    {
+                        self.release_guardian();
+                        return Err(error);
+                    }
+                    event => self.handle_event(event, &mut connection),
                 },
                 Some(request) = requests.recv() => self.serve(request),
             };
@@ -278,7 +286,7 @@ impl Pilot {
         Ok(self.close(connection).await)
     }
 
-    fn end_turn(&mut self, served: Result<(), LinkLost>, connection: &mut Connection) {
+    fn end_turn(&mut self, served: Result<(), LinkError>, connection: &mut Connection) {
         let served = served.and_then(|()| self.apply_restrictions());
         let served = served.and_then(|()| self.send_last());
         if let Err(lost) = served.and_then(|()| self.check_execution()) {
@@ -319,19 +327,19 @@ impl Pilot {
 
     /// Must be called first in a turn: beats, and detects an interruption, after which the robot is
     /// stopped first.
-    fn heartbeat(&mut self) -> Result<(), LinkLost> {
+    fn heartbeat(&mut self) -> Result<(), LinkError> {
         let heartbeat = self.heartbeat.as_mut();
         let interruption = heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now()));
         self.note_guardian(interruption)
     }
 
-    fn check_guardian(&mut self) -> Result<(), LinkLost> {
+    fn check_guardian(&mut self) -> Result<(), LinkError> {
         let heartbeat = self.heartbeat.as_mut();
         let interruption = heartbeat.and_then(Heartbeat::check_guardian);
         self.note_guardian(interruption)
     }
 
-    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkLost> {
+    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkError> {
         let guarded = self.heartbeat.as_ref().is_none_or(Heartbeat::is_guarded);
         if guarded != self.watchdog.is_guarded() {
             self.handle(Fact::Guarded(guarded))?;
@@ -346,14 +354,14 @@ impl Pilot {
     }
 
     /// Stops the robot, suspends this program, and stops the robot again when the program resumes.
-    fn suspend(&mut self, Suspend(suspend): Suspend) -> Result<(), LinkLost> {
+    fn suspend(&mut self, Suspend(suspend): Suspend) -> Result<(), LinkError> {
         let stopped = self.handle(Fact::Suspended);
         suspend();
         stopped.and_then(|()| self.handle(Fact::Suspended))
     }
 
     /// Serves the requests that the behaviours sent before `close_link` was cancelled.
-    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
             if requests.is_empty() {
@@ -366,7 +374,7 @@ impl Pilot {
 
     /// Drains what has arrived while this task, or the whole machine, slept before it evaluates
     /// timeouts.
-    async fn poll(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    async fn poll(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         let woken = self.heartbeat();
         for _ in 0..YIELDS_BEFORE_TIMEOUTS {
             tokio::task::yield_now().await;
@@ -390,7 +398,7 @@ impl Pilot {
 
     /// Asks whether the last stop is executed, and pays the debt when it is. Stops a robot that
     /// moves but no longer executes what it is sent.
-    fn check_execution(&mut self) -> Result<(), LinkLost> {
+    fn check_execution(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -429,7 +437,7 @@ impl Pilot {
     }
 
     /// Asks a silent robot for a sign of life, and ends the link if it stays silent.
-    fn check_silence(&mut self) -> Result<(), LinkLost> {
+    fn check_silence(&mut self) -> Result<(), LinkError> {
         if self.writer.is_none() {
             return Ok(());
         }
@@ -441,14 +449,14 @@ impl Pilot {
             Some(SilenceAction::Gone(silence)) => {
                 let silence = silence.as_secs();
                 let reason = format!("nothing received from the robot for {silence} s");
-                Err(LinkLost::because(reason))
+                Err(LinkError::ClosedHere(reason))
             }
             None => Ok(()),
         }
     }
 
     /// Serves waiting requests, so that they get their turn even if the robot sends without pause.
-    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         for _ in 0..REQUESTS_IN_A_ROW {
             let Ok(request) = requests.try_recv() else {
                 break;
@@ -500,7 +508,7 @@ impl Pilot {
             docked: self.watchdog.docked(),
             dock_state: self.watchdog.dock_state(),
             shed: self.watchdog.shed(),
-            emergency_stop: self.emergency_stop.is_on(),
+            emergency_stop: self.emergency_stop,
             stop: self.stop_confirmation(),
             owes_stop: self.owes_stop(),
             delays: self.writer.as_mut().and_then(Writer::delays),
@@ -519,7 +527,7 @@ impl Pilot {
     /// Whether the next attempt to connect must not wait.
     pub(super) fn is_hurried(&self) -> bool {
         let urgent = self.debt.is_owed()
-            || self.emergency_stop.is_on()
+            || self.emergency_stop
             || self.watchdog.low().is_some() && !self.watchdog.docked();
         let recent = |lost: Instant| lost.elapsed() < HURRY_LIMIT;
         urgent && self.lost_at.is_some_and(recent)
@@ -532,35 +540,48 @@ impl Pilot {
 
     // What comes over the connection.
 
-    fn handle_event(&mut self, event: ConnectionEvent) -> Result<(), ConnectionEventError> {
+    fn handle_event(
+        &mut self,
+        event: ConnectionEvent,
+        connection: &mut Connection,
+    ) -> Result<(), LinkError> {
         self.heartbeat()?;
         match event {
-            ConnectionEvent::Up(session) => self.connected(*session)?,
-            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
-            ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
-            ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            ConnectionEvent::Accepted(login) => self.watch_login(login),
+            ConnectionEvent::Up(session) => self.connected(*session, connection),
+            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report),
+            ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => {
+                self.partial_frame(part);
+                Ok(())
+            }
+            ConnectionEvent::Lost(error) => Err(error),
+            ConnectionEvent::Accepted(login) => {
+                self.watch_login(login);
+                Ok(())
+            }
             ConnectionEvent::Failed(error) => {
                 // If the robot had accepted the login, the last words were sent.
                 self.release_guardian();
-                if self.info.is_none() && self.ending.is_none() {
-                    return Err(ConnectionEventError::First(error));
-                }
                 self.log_failed_attempt(&error.to_string());
+                Ok(())
             }
         }
-        Ok(())
     }
 
-    fn connected(&mut self, session: NewSession) -> Result<(), LinkLost> {
-        let NewSession {
+    fn connected(
+        &mut self,
+        session: Session,
+        connection: &mut Connection,
+    ) -> Result<(), LinkError> {
+        let Session {
             accepted,
             power,
             peer,
             early,
+            reader,
             writer,
             login,
         } = session;
+        connection.set_up(reader);
         let Accepted {
             uid,
             name,
@@ -583,7 +604,8 @@ impl Pilot {
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
         self.executes_nothing = false;
-        self.publish_link_up(&info, docked);
+        let robot = info.clone();
+        self.bus.publish(AgentEvent::LinkUp { robot, docked });
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
         let mut lost = self
@@ -603,7 +625,7 @@ impl Pilot {
 
     /// Asks whether everything is executed, after a login and at the end. The answers also measure
     /// how fast the robot executes.
-    fn ask(&mut self) -> Result<(), LinkLost> {
+    fn ask(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -630,7 +652,7 @@ impl Pilot {
         vec![Event::Battery(battery), connected]
     }
 
-    fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+    fn report(&mut self, report: Report) -> Result<(), LinkError> {
         self.silence.note_received(Instant::now());
         let lost = self.handle(Fact::BytesReceived);
         if let Some(writer) = &mut self.writer {
@@ -657,7 +679,7 @@ impl Pilot {
 
     /// Takes in a fact that may change what is believed of the battery, and publishes such a
     /// change.
-    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
+    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkError> {
         let before = self.watchdog.battery();
         let read_voltage = self.watchdog.reads_voltage();
         let acts = self.watchdog.handle(fact, Instant::now());
@@ -687,7 +709,7 @@ impl Pilot {
         }
     }
 
-    fn engine(&mut self, report: EngineReport) -> Result<(), LinkLost> {
+    fn engine(&mut self, report: EngineReport) -> Result<(), LinkError> {
         let event = match report {
             EngineReport::Docked => Event::Docked,
             EngineReport::Undocked => Event::Undocked,
@@ -763,7 +785,7 @@ impl Pilot {
     /// Handles a lost link: the last words are tried without blocking. If a stop is owed, the next
     /// login delivers it; a robot that still believes in this link would refuse that, so the guardian
     /// does not keep it open.
-    fn handle_link_lost(&mut self, lost: &LinkLost, connection: &mut Connection) {
+    fn handle_link_lost(&mut self, lost: &LinkError, connection: &mut Connection) {
         self.store_last_words(connection);
         let reader = connection.disconnect();
         let Some(mut writer) = self.writer.take() else {
@@ -789,13 +811,15 @@ impl Pilot {
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
         let reason = lost.to_string();
-        self.publish_link_down(&reason);
+        self.bus.publish(AgentEvent::LinkDown {
+            reason: reason.clone(),
+        });
         self.sessions.tell_all(&Event::Disconnected { reason });
     }
 
     /// At the end, once a link is there: ends the run's motion (see [`Fact::RunEnding`]), switches
     /// the streams off, and asks whether that is executed.
-    fn send_last(&mut self) -> Result<(), LinkLost> {
+    fn send_last(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(ending) = &mut self.ending else {
             return Ok(());
@@ -883,16 +907,6 @@ impl Pilot {
 
     // What is published on the bus. Nothing here waits for a listener.
 
-    fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
-        let robot = info.clone();
-        self.bus.publish(AgentEvent::LinkUp { robot, docked });
-    }
-
-    fn publish_link_down(&self, reason: &str) {
-        let reason = reason.to_owned();
-        self.bus.publish(AgentEvent::LinkDown { reason });
-    }
-
     /// The battery with the estimate of the minutes left.
     fn battery(&self) -> Option<Battery> {
         Some(Battery {
@@ -904,14 +918,6 @@ impl Pilot {
     fn publish_battery(&self) {
         if let Some(battery) = self.battery() {
             self.bus.publish(AgentEvent::Battery(battery));
-        }
-    }
-
-    fn publish_safety(&self, event: &Event) {
-        if let Event::Safety { action, reason } = event {
-            let action = *action;
-            let reason = reason.clone();
-            self.bus.publish(AgentEvent::Safety { action, reason });
         }
     }
 

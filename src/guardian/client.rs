@@ -110,18 +110,9 @@ impl Guardian {
         }
     }
 
-    /// Guards a new link: its socket, and the last words for it.
-    pub fn watch(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
-        self.begin(socket, last_words, false);
-    }
-
-    /// Guards a link whose login the robot has accepted, but which obeys only after its first
-    /// POWER.
-    pub fn watch_login(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
-        self.begin(socket, last_words, true);
-    }
-
-    fn begin(&mut self, robot: Arc<TcpStream>, last: Vec<u8>, login: bool) {
+    /// Guards a new link: its socket, and the last words for it. `login`: the robot has accepted a
+    /// login, but obeys only after its first POWER.
+    pub fn watch(&mut self, robot: Arc<TcpStream>, last: Vec<u8>, login: bool) {
         // Older answers are about an earlier link.
         self.read_answers();
         self.words = LastWordsData {

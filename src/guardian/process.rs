@@ -18,7 +18,7 @@ use super::dead_man::DeadMan;
 use super::debt::{Acknowledged, Debt, DebtAct, DebtEvent, OpenLink, Outcome, QUESTIONS};
 use super::message::{Datagram, GuardianMessage, MAX_MESSAGE_LEN, Route};
 use super::record::Record;
-use super::robot_link::{DialledLink, End, RobotLink};
+use super::robot_link::{DialledLink, RobotLink};
 use super::stop_socket::{StopAnswer, StopSocket};
 use crate::robot_socket::FormerLink;
 use crate::wire::{Command, Engage};
@@ -464,10 +464,8 @@ impl GuardianProcess {
                 pursuit.debt.handle(powers, now);
             }
             let end = match received.end {
-                Some(End::Closed) => Some(DebtEvent::LinkClosed),
-                Some(End::Broken) => Some(DebtEvent::LinkBroken),
                 None if !flushed => Some(DebtEvent::LinkBroken),
-                None => None,
+                end => end,
             };
             if let Some(end) = end {
                 pursuit.debt.handle(end, now);
@@ -478,24 +476,14 @@ impl GuardianProcess {
         let Some(dialled) = &mut pursuit.dialled else {
             return;
         };
-        let news = dialled.progress();
-        if news.in_use
-            && let Some(link) = &self.link
-            && !link.is_acknowledged()
-        {
-            link.reset();
-        }
-        let happened = [
-            (news.connected, DebtEvent::Connected),
-            (news.accepted, DebtEvent::Accepted),
-            (news.obeys, DebtEvent::LoggedIn),
-            (news.powers > 0, DebtEvent::DialledPowers(news.powers)),
-            (news.failed, DebtEvent::DialFailed),
-        ];
-        for (has, event) in happened {
-            if has {
-                pursuit.debt.handle(event, now);
+        for event in dialled.progress() {
+            if event == DebtEvent::InUse
+                && let Some(link) = &self.link
+                && !link.is_acknowledged()
+            {
+                link.reset();
             }
+            pursuit.debt.handle(event, now);
         }
     }
 

@@ -13,6 +13,7 @@ use rustix::net::{
 };
 use socket2::{SockRef, Socket};
 
+use super::debt::DebtEvent;
 use crate::robot_socket::{self, FormerLink};
 use crate::socket_outq::unacknowledged;
 use crate::wire::{Decoder, Refusal, Report};
@@ -35,14 +36,8 @@ const DEAD_AFTER: Duration = Duration::from_millis(1500);
 pub(super) struct Received {
     /// POWER messages.
     pub(super) powers: u32,
-    pub(super) end: Option<End>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
-    /// The robot has closed its half in an orderly way.
-    Closed,
-    Broken,
+    /// [`DebtEvent::LinkClosed`] or [`DebtEvent::LinkBroken`], at the end of the link.
+    pub(super) end: Option<DebtEvent>,
 }
 
 /// The link that the agent has used.
@@ -163,21 +158,6 @@ pub(super) struct DialledLink {
     obeys: bool,
 }
 
-/// What was learned on a dialled connection.
-#[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct DialledNews {
-    pub(super) connected: bool,
-    /// The login is accepted.
-    pub(super) accepted: bool,
-    /// The first POWER has come after that.
-    pub(super) obeys: bool,
-    /// POWER messages after the first.
-    pub(super) powers: u32,
-    pub(super) failed: bool,
-    /// The robot is used by somebody else, or believes in an old session.
-    pub(super) in_use: bool,
-}
-
 impl DialledLink {
     /// Begins to connect, from the port of a former link if that is free.
     pub(super) fn begin(
@@ -225,39 +205,34 @@ impl DialledLink {
         }
     }
 
-    /// Reads, writes, and finds out what has changed.
-    pub(super) fn progress(&mut self) -> DialledNews {
-        let mut news = DialledNews::default();
+    /// Reads, writes, and returns what has changed.
+    pub(super) fn progress(&mut self) -> Vec<DebtEvent> {
+        let mut news = Vec::new();
         if !self.connected {
-            match SockRef::from(&self.stream.socket).take_error() {
-                Ok(None) => {}
-                Ok(Some(_)) | Err(_) => news.failed = true,
+            if !matches!(SockRef::from(&self.stream.socket).take_error(), Ok(None)) {
+                return vec![DebtEvent::DialFailed];
             }
-            if news.failed || getpeername(&self.stream.socket).is_err() {
+            if getpeername(&self.stream.socket).is_err() {
                 return news;
             }
             self.connected = true;
-            news.connected = true;
+            news.push(DebtEvent::Connected);
         }
-        let decoder = &mut self.decoder;
-        let accepted = &mut self.accepted;
-        let obeys = &mut self.obeys;
+        let mut powers = 0;
+        let mut refusal = None;
         let end = self.stream.read(|chunk| {
             let mut bytes = chunk;
-            while let Ok(Some(packet)) = decoder.decode(&mut bytes) {
+            while let Ok(Some(packet)) = self.decoder.decode(&mut bytes) {
                 match Report::parse(packet) {
                     Report::Accepted(_) => {
-                        *accepted = true;
-                        news.accepted = true;
+                        self.accepted = true;
+                        news.push(DebtEvent::Accepted);
                     }
-                    Report::Refused(refusal) => {
-                        news.failed = true;
-                        news.in_use = refusal == Refusal::InUse;
-                    }
-                    Report::Power(_) if *obeys => news.powers += 1,
-                    Report::Power(_) if *accepted => {
-                        *obeys = true;
-                        news.obeys = true;
+                    Report::Refused(why) => refusal = Some(why),
+                    Report::Power(_) if self.obeys => powers += 1,
+                    Report::Power(_) if self.accepted => {
+                        self.obeys = true;
+                        news.push(DebtEvent::LoggedIn);
                     }
                     _ => {}
                 }
@@ -265,7 +240,13 @@ impl DialledLink {
             // Out of step: what is left is not a message.
             bytes.is_empty()
         });
-        news.failed |= end.is_some() || !self.stream.flush();
+        news.push(DebtEvent::DialledPowers(powers));
+        if refusal == Some(Refusal::InUse) {
+            news.push(DebtEvent::InUse);
+        }
+        if refusal.is_some() || end.is_some() || !self.stream.flush() {
+            news.push(DebtEvent::DialFailed);
+        }
         news
     }
 }
@@ -297,16 +278,16 @@ impl Stream {
     }
 
     /// Reads what has come; ends at the end of the connection, or when `take` returns `false`.
-    fn read(&self, mut take: impl FnMut(&[u8]) -> bool) -> Option<End> {
+    fn read(&self, mut take: impl FnMut(&[u8]) -> bool) -> Option<DebtEvent> {
         let mut chunk = [0_u8; CHUNK_LEN];
         for _ in 0..MAX_CHUNKS {
             match recv(&self.socket, &mut chunk[..], RecvFlags::DONTWAIT) {
-                Ok((0, _)) => return Some(End::Closed),
+                Ok((0, _)) => return Some(DebtEvent::LinkClosed),
                 Ok((count, _)) if take(&chunk[..count]) => {}
-                Ok(_) => return Some(End::Broken),
+                Ok(_) => return Some(DebtEvent::LinkBroken),
                 Err(Errno::INTR) => {}
                 Err(Errno::AGAIN) => return None,
-                Err(_) => return Some(End::Broken),
+                Err(_) => return Some(DebtEvent::LinkBroken),
             }
         }
         None
@@ -437,7 +418,7 @@ mod tests {
                 break end;
             }
         };
-        assert_eq!((powers, end), (2, End::Closed));
+        assert_eq!((powers, end), (2, DebtEvent::LinkClosed));
     }
 
     #[test]

@@ -15,6 +15,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use tokio::sync::mpsc;
 
 use super::process::GUARDIAN_ARGUMENT;
+use crate::rate_limit::Backoff;
 
 /// The pause before another guardian is started; after each further one it is twice as long, up to
 /// the longest.
@@ -90,7 +91,7 @@ fn keep_running(
     losses: &Receiver<OwnedFd>,
     started: &mpsc::Sender<OwnedFd>,
 ) {
-    let mut pause = FIRST_PAUSE;
+    let mut backoff = Backoff::new(FIRST_PAUSE, LONGEST_PAUSE);
     loop {
         if let Some(mut lost) = process.take() {
             let Ok(socket) = losses.recv() else {
@@ -100,13 +101,12 @@ fn keep_running(
             // Only after its death: at the end of its socket it would write to the robot.
             drop(socket);
             if lost.began.elapsed() >= GOOD_LIFE {
-                pause = FIRST_PAUSE;
+                backoff.reset();
             }
         } else if matches!(losses.try_recv(), Err(TryRecvError::Disconnected)) {
             return;
         }
-        thread::sleep(pause);
-        pause = (pause * 2).min(LONGEST_PAUSE);
+        thread::sleep(backoff.step());
         if let Ok((next, socket)) = recipe.start() {
             process = Some(next);
             if started.blocking_send(socket).is_err() {

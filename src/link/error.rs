@@ -61,6 +61,9 @@ pub enum LinkError {
     /// The guardian process cannot be given a duplicate of the socket: nothing may drive over it.
     #[error("no guardian process can watch this link: {0}")]
     Unguarded(#[source] io::Error),
+    /// This side closes the link, for this reason.
+    #[error("{0}")]
+    ClosedHere(String),
     /// Any other error of the system.
     #[error("the link failed: {0}")]
     Io(#[source] io::Error),
@@ -87,7 +90,7 @@ impl LinkError {
             }
             LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
             LinkError::Unguarded(_) => "close other programs, or raise the limit of open files",
-            LinkError::Dead { .. } | LinkError::Io(_) => {
+            LinkError::Dead { .. } | LinkError::ClosedHere(_) | LinkError::Io(_) => {
                 "is the robot still in reach of its Wi-Fi?"
             }
         }

@@ -245,8 +245,10 @@ pub struct AcceptedLogin {
 #[derive(Debug, Clone)]
 pub struct Supervision {
     last_words: watch::Receiver<Vec<Command>>,
-    hurried: bool,
-    former: Option<FormerLink>,
+    /// Gives up a connection sooner, because a stop is owed: the robot may be in reach again.
+    pub hurried: bool,
+    /// Resets this link at the robot first if a stop is owed.
+    pub former: Option<FormerLink>,
     accepted: watch::Sender<Option<AcceptedLogin>>,
 }
 
@@ -259,18 +261,6 @@ impl Supervision {
             former: None,
             accepted: watch::Sender::new(None),
         }
-    }
-
-    /// Gives up a connection sooner, because a stop is owed: the robot may be in reach again.
-    #[must_use]
-    pub fn hurried(self, hurried: bool) -> Supervision {
-        Supervision { hurried, ..self }
-    }
-
-    /// Resets this link at the robot first if a stop is owed.
-    #[must_use]
-    pub fn instead_of(self, former: Option<FormerLink>) -> Supervision {
-        Supervision { former, ..self }
     }
 
     /// The login from the robot's acceptance on, for a process that sends the last words if this one

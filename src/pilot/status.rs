@@ -47,7 +47,7 @@ impl LinkState {
 }
 
 /// The newest state of robot and watchdog.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Status {
     /// The link.
     pub link: LinkState,
@@ -79,28 +79,6 @@ pub struct Status {
     pub delays: Option<Delays>,
     /// Last tracks, lights and sound commanded.
     pub actuators: ActuatorState,
-}
-
-impl Default for Status {
-    fn default() -> Status {
-        let safety = WatchdogState::Offline;
-        Status {
-            link: LinkState::default(),
-            safety,
-            battery: None,
-            low: false,
-            rescue: false,
-            docked: false,
-            dock_state: DockState::Unknown,
-            shed: false,
-            frames: 0,
-            emergency_stop: false,
-            stop: StopConfirmation::None,
-            owes_stop: false,
-            delays: None,
-            actuators: ActuatorState::default(),
-        }
-    }
 }
 
 impl Status {

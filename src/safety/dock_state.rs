@@ -17,7 +17,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 /// Where the robot is. The module's table lists what each state allows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DockState {
     /// On the station and charging.
     Charging,
@@ -26,6 +26,7 @@ pub enum DockState {
     /// Off the station.
     Left,
     /// On the station or off it.
+    #[default]
     Unknown,
 }
 
