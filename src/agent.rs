@@ -22,7 +22,7 @@ pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, R
 pub use self::running_pilot::{
     ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
 };
-use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
+use crate::behaviour::{Launch, Launcher, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Connector, Heartbeat, LinkState, Reactions, Settings, Status};
 use crate::robot::channel::Request;
@@ -47,7 +47,7 @@ pub struct Behaviour {
     /// Delivers new texts of the script, if its file is watched. The behaviour is stopped for each
     /// one that can be loaded, and when it has ended it waits for the next: then only the token or
     /// the time limit ends the run.
-    pub reloads: Option<mpsc::Receiver<Reload>>,
+    pub reloads: Option<mpsc::Receiver<Vec<u8>>>,
 }
 
 impl Behaviour {
@@ -130,7 +130,7 @@ impl Agent {
         let setup = PilotSetup::new(plan.settings, plan.connector, plan.core, plan.heartbeat)
             .with_bus(plan.bus);
         let status = setup.status();
-        let context = setup.launch_context(plan.launcher.clone());
+        let context = setup.host_context(plan.launcher.clone());
         let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.specs);
         let agent = Agent {
             behaviours: plan.behaviours,

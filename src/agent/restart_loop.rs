@@ -5,37 +5,20 @@ use std::future::{Future, pending};
 use std::pin::{Pin, pin};
 use std::time::Duration;
 
-use tokio::runtime;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::{error, info, warn};
 
 use super::Behaviour;
 use crate::behaviour::{
-    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartDecision, RestartPolicy,
+    Handle, HostContext, Inspector, Launch, Prepared, RestartDecision, RestartPolicy,
     RestartTracker, Supervisor,
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{AgentEvent, BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
+use crate::robot::{AgentEvent, BehaviourId, EndReason, Priority};
 use crate::script::ScriptExit;
-
-type Stop = watch::Receiver<Option<EndReason>>;
-
-#[derive(Clone)]
-pub(super) struct LaunchContext {
-    pub(super) launcher: Launcher,
-    /// Serves the hosts' pipes.
-    pub(super) core: runtime::Handle,
-    pub(super) requests: mpsc::Sender<Request>,
-    pub(super) frames: watch::Receiver<Pictures>,
-    pub(super) stop: Stop,
-    /// The longest silence of a host that does not drive.
-    pub(super) longest_silence: Duration,
-    pub(super) viewers: ViewerChannel,
-    pub(super) bus: Bus,
-}
 
 struct Loaded {
     host: Prepared,
@@ -45,7 +28,9 @@ struct Loaded {
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, ScriptExit>> + Send>>;
 
 pub(super) struct RestartLoop {
-    context: LaunchContext,
+    context: HostContext,
+    /// Ends it for good.
+    stop: Handle,
     by: BehaviourId,
     role: Role,
     priority: Priority,
@@ -54,20 +39,22 @@ pub(super) struct RestartLoop {
     checked: bool,
     policy: RestartPolicy,
     restarts: RestartTracker,
-    reloads: Option<mpsc::Receiver<Reload>>,
+    reloads: Option<mpsc::Receiver<Vec<u8>>>,
     /// The last saved text cannot be loaded: the one before it is not started again.
     outdated: bool,
 }
 
 impl RestartLoop {
     pub(super) fn new(
-        context: LaunchContext,
+        context: HostContext,
+        stop: Handle,
         by: BehaviourId,
         role: Role,
         plan: Behaviour,
     ) -> RestartLoop {
         RestartLoop {
             context,
+            stop,
             by,
             role,
             priority: plan.priority,
@@ -124,29 +111,25 @@ impl RestartLoop {
     /// Returns how it has ended, and a text that was saved and loaded meanwhile. The old text runs
     /// until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
-        let context = self.context.clone();
-        context.bus.publish(AgentEvent::Started {
+        self.context.bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
         });
         let handle = Handle::default();
-        let supervisor = Supervisor::register(host, self.role, context.requests, context.frames)
-            .await
-            .with_longest_silence(context.longest_silence)
-            .with_viewers(context.viewers)
-            .with_bus(context.bus);
-        let mut life = pin!(supervisor.run(handle.clone(), &context.core));
+        let core = self.context.core.clone();
+        let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;
+        let mut life = pin!(supervisor.run(handle.clone(), &core));
         let mut loading = None;
         let mut successor = None;
         let mut stopping = false;
         let exit = loop {
             tokio::select! {
                 biased;
-                reason = stopped(&mut self.context.stop), if !stopping => {
+                reason = self.stop.stopped(), if !stopping => {
                     stopping = true;
                     handle.stop(reason);
                 }
                 exit = &mut life => break exit,
-                Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
+                Some(source) = saved(&mut self.reloads) => loading = Some(self.load(source)),
                 loaded = done(&mut loading) => {
                     loading = None;
                     if let Some(loaded) = self.accept(loaded, "the old script still runs") {
@@ -187,16 +170,15 @@ impl RestartLoop {
         );
         tokio::select! {
             biased;
-            _ = stopped(&mut self.context.stop) => return None,
-            Some(reload) = saved(&mut self.reloads) => {
-                return self.wait_for_fix(Some(reload)).await.map(Ok);
+            _ = self.stop.stopped() => return None,
+            Some(source) = saved(&mut self.reloads) => {
+                return self.wait_for_fix(Some(source)).await.map(Ok);
             }
             () = sleep(pause) => {}
         }
-        let mut stop = self.context.stop.clone();
         tokio::select! {
             biased;
-            _ = stopped(&mut stop) => None,
+            _ = self.stop.stopped() => None,
             prepared = self.prepare() => Some(prepared),
         }
     }
@@ -236,30 +218,30 @@ impl RestartLoop {
     }
 
     /// Waits for a saved text that can be loaded; `None`: no file is watched, or the run ends.
-    async fn wait_for_fix(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
+    async fn wait_for_fix(&mut self, mut saved_text: Option<Vec<u8>>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;
         }
         loop {
             let behaviour = self.name();
-            if reload.is_none() {
+            if saved_text.is_none() {
                 info!(
                     behaviour,
                     "the robot stands still until the script is saved again"
                 );
             }
-            let Reload { source } = match reload.take() {
-                Some(reload) => reload,
+            let source = match saved_text.take() {
+                Some(source) => source,
                 None => tokio::select! {
                     biased;
-                    _ = stopped(&mut self.context.stop) => return None,
-                    reload = saved(&mut self.reloads) => reload?,
+                    _ = self.stop.stopped() => return None,
+                    source = saved(&mut self.reloads) => source?,
                 },
             };
             let loading = self.load(source);
             match self.finish(loading).await {
                 Some(loaded) => return Some(self.adopt(loaded)),
-                None if self.context.stop.borrow().is_some() => return None,
+                None if self.stop.reason().is_some() => return None,
                 None => {}
             }
         }
@@ -269,7 +251,7 @@ impl RestartLoop {
     async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
         tokio::select! {
             biased;
-            _ = stopped(&mut self.context.stop) => None,
+            _ = self.stop.stopped() => None,
             loaded = loading => self.accept(loaded, "nothing runs in its place"),
         }
     }
@@ -302,7 +284,7 @@ impl RestartLoop {
     }
 
     fn load(&self, source: Vec<u8>) -> Loading {
-        let LaunchContext { launcher, core, .. } = self.context.clone();
+        let context = self.context.clone();
         let by = self.by;
         let priority = self.priority;
         let launch = Launch {
@@ -314,11 +296,11 @@ impl RestartLoop {
             if checked {
                 // Checking a long text takes time and must not block this runtime.
                 let text = launch.clone();
-                let inspector = launcher.inspector();
+                let inspector = context.launcher.inspector();
                 let looked = spawn_blocking(move || check_text(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
             }
-            let host = Prepared::start(&launcher, &core, by, priority, launch).await?;
+            let host = Prepared::start(&context, by, priority, launch).await?;
             Ok(Loaded { host, source })
         })
     }
@@ -353,16 +335,8 @@ pub(super) fn report(name: &str, exit: &ScriptExit) {
     }
 }
 
-async fn stopped(stop: &mut Stop) -> EndReason {
-    let reason = stop.wait_for(Option::is_some).await;
-    reason
-        .ok()
-        .and_then(|reason| *reason)
-        .unwrap_or(EndReason::Shutdown)
-}
-
 /// Waits for the next save; `None`: there will be none.
-async fn saved(reloads: &mut Option<mpsc::Receiver<Reload>>) -> Option<Reload> {
+async fn saved(reloads: &mut Option<mpsc::Receiver<Vec<u8>>>) -> Option<Vec<u8>> {
     match reloads {
         Some(reloads) => reloads.recv().await,
         None => pending().await,

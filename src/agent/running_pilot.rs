@@ -17,9 +17,9 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
 
-use super::restart_loop::{LaunchContext, RestartLoop};
+use super::restart_loop::RestartLoop;
 use super::{AgentError, Behaviour};
-use crate::behaviour::{Launch, Launcher, Library, RestartPolicy};
+use crate::behaviour::{Handle, HostContext, Launch, Launcher, Library, RestartPolicy};
 use crate::link::{LinkError, Options, Session, Supervision};
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
@@ -102,14 +102,13 @@ impl PilotSetup {
         &self.core
     }
 
-    /// What behaviours are launched with; each one is given its own `stop`.
-    pub(super) fn launch_context(&self, launcher: Launcher) -> LaunchContext {
-        LaunchContext {
+    /// What behaviours are launched with.
+    pub(super) fn host_context(&self, launcher: Launcher) -> HostContext {
+        HostContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
-            stop: watch::channel(None).1,
             longest_silence: self.settings.limits.host_idle_silence.get(),
             viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
@@ -119,7 +118,7 @@ impl PilotSetup {
     /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
     /// on the calling task's runtime.
     pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        let standing_by = stand_by(self.launch_context(launcher), launch, self.status());
+        let standing_by = stand_by(self.host_context(launcher), launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
@@ -298,19 +297,21 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
 
 /// Runs the rescue behaviour whenever the watchdog wants it. Never returns while the pilot runs.
 pub(super) async fn stand_by(
-    context: LaunchContext,
+    context: HostContext,
     launch: Launch,
     mut status: watch::Receiver<Status>,
 ) {
     while until(true, &mut status).await {
         info!("starts the rescue behaviour, which looks for the way to the station");
-        let stop = watch::Sender::new(None);
-        let context = LaunchContext {
-            stop: stop.subscribe(),
-            ..context.clone()
-        };
-        let restart_loop =
-            RestartLoop::new(context, RESCUER, Role::Rescuer, behaviour(launch.clone()));
+        let stop = Handle::default();
+        let rescuer = behaviour(launch.clone());
+        let restart_loop = RestartLoop::new(
+            context.clone(),
+            stop.clone(),
+            RESCUER,
+            Role::Rescuer,
+            rescuer,
+        );
         let first = restart_loop.prepare().await;
         let mut life = pin!(restart_loop.run(first));
         let mut unwanted = status.clone();
@@ -319,7 +320,7 @@ pub(super) async fn stand_by(
             // It has failed permanently: the watchdog continues without it.
             _ = &mut life => {}
             _ = until(false, &mut unwanted) => {
-                stop.send_replace(Some(EndReason::Cancelled));
+                stop.stop(EndReason::Cancelled);
                 life.await;
             }
         }

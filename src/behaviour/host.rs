@@ -138,19 +138,14 @@ fn open_gallery(options: &Options, time: Time) -> io::Result<Option<Gallery>> {
     let Some(folder) = options.annotate_dir.clone() else {
         return Ok(None);
     };
-    let gallery = Gallery::open(folder, &options.limits)?;
-    Ok(Some(match time {
-        Time::Real => gallery,
-        Time::Virtual => gallery.blocking(),
-    }))
+    let blocking = time == Time::Virtual;
+    Gallery::open(folder, &options.limits, blocking).map(Some)
 }
 
 fn open_store(options: &Options, time: Time) -> Option<StoreWriter> {
     let folder = options.data_dir.clone()?;
-    Some(match time {
-        Time::Real => StoreWriter::new(folder, &options.limits),
-        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
-    })
+    let write_at_end = time == Time::Virtual;
+    Some(StoreWriter::new(folder, &options.limits, write_at_end))
 }
 
 struct Host {

@@ -11,8 +11,8 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
-use tokio::runtime::{Handle, Handle as Runtime};
-use tokio::sync::mpsc;
+use tokio::runtime::Handle as Runtime;
+use tokio::sync::{mpsc, watch};
 use tokio::task::{AbortHandle, JoinHandle};
 use tokio::time::timeout;
 
@@ -23,7 +23,8 @@ use super::limiter::{LogLimiter, ReportLimiter};
 use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::robot::channel::Request;
+use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::sandbox::{self, SandboxPolicy};
 use crate::script::{ModuleName, NoModule, ScriptExit};
 
@@ -83,7 +84,7 @@ impl Launcher {
     pub(super) fn start(
         &self,
         folders: &[&Path],
-        core: &Handle,
+        core: &Runtime,
     ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
         for folder in folders {
             make_private(folder)?;
@@ -98,7 +99,7 @@ impl Launcher {
 fn start_child(
     executable: &Path,
     folders: &[&Path],
-    core: &Handle,
+    core: &Runtime,
 ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
     let policy = SandboxPolicy {
         write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
@@ -227,6 +228,26 @@ const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a host may take to exit after it reported its end.
 pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
 
+/// What hosts need of their agent.
+#[derive(Debug, Clone)]
+pub struct HostContext {
+    /// How to start them.
+    pub launcher: Launcher,
+    /// Serves their pipes.
+    pub core: Runtime,
+    /// The pilot's queue.
+    pub requests: mpsc::Sender<Request>,
+    /// The frames of the camera.
+    pub frames: watch::Receiver<Pictures>,
+    /// How long a host may be silent before it is ended, whether it drives or not. While it drives,
+    /// the watchdog is stricter.
+    pub longest_silence: Duration,
+    /// Publishes the scripts' detections in frames, and their parameters.
+    pub viewers: ViewerChannel,
+    /// Publishes the scripts' reports (entries, notices, pictures).
+    pub bus: Bus,
+}
+
 /// A behaviour whose script is loaded but does not run yet.
 #[derive(Debug)]
 pub struct Prepared {
@@ -245,15 +266,14 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Starts a host and lets it load the script; the runtime `core` serves its pipe. The error is
-    /// in words for the script's author.
+    /// Starts a host and lets it load the script. The error is in words for the script's author.
     pub async fn start(
-        launcher: &Launcher,
-        core: &Runtime,
+        context: &HostContext,
         by: BehaviourId,
         priority: Priority,
         launch: Launch,
     ) -> Result<Prepared, ScriptExit> {
+        let HostContext { launcher, core, .. } = context;
         let name = launch.options.name.clone();
         let broken = |error: io::Error| {
             exit(

@@ -13,7 +13,7 @@ use tracing::{debug, warn};
 
 use super::limiter::{Admission, log};
 use super::message::{FromHost, PromptCommand, ToHost};
-use super::process::{EXIT_TIME, Prepared, exit};
+use super::process::{EXIT_TIME, HostContext, Prepared, exit};
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
@@ -38,6 +38,21 @@ impl Handle {
     pub fn stop(&self, reason: EndReason) {
         self.stop
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+    }
+
+    /// Why it was told to end, if it was.
+    pub fn reason(&self) -> Option<EndReason> {
+        *self.stop.borrow()
+    }
+
+    /// Waits until it is told to end. Cancel-safe.
+    pub async fn stopped(&self) -> EndReason {
+        let mut stop = self.stop.subscribe();
+        let reason = stop.wait_for(Option::is_some).await;
+        reason
+            .ok()
+            .and_then(|reason| *reason)
+            .unwrap_or(EndReason::Shutdown)
     }
 }
 
@@ -66,11 +81,13 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
+    /// Registers the behaviour with the pilot; `repl_channel` connects a prompt, whose user types
+    /// lines for the script and reads its output.
     pub async fn register(
         host: Prepared,
         role: Role,
-        requests: mpsc::Sender<Request>,
-        frames: watch::Receiver<Pictures>,
+        context: HostContext,
+        repl_channel: Option<ReplChannel>,
     ) -> Supervisor {
         let (events, inbox) = events();
         let join = Request::Join {
@@ -80,61 +97,30 @@ impl Supervisor {
             role,
             events,
         };
-        let _ = requests.send(join).await;
-        let viewers = ViewerChannel::default();
+        let _ = context.requests.send(join).await;
+        let limit = context.longest_silence;
         Supervisor {
+            liveness: if host.in_real_time {
+                Some(Liveness::new(limit))
+            } else {
+                None
+            },
             host,
-            requests,
+            requests: context.requests,
             inbox,
-            frames,
+            frames: context.frames,
             last_frame: 0,
             last_but_one: 0,
             frame_wanted: false,
             partial_wanted: false,
             frame_progress: FrameProgress::default(),
             dropped: 0,
-            repl_channel: None,
+            repl_channel,
             is_running: false,
-            liveness: None,
-            param_changes: viewers.params().changes(),
-            viewers,
-            bus: Bus::default(),
+            param_changes: context.viewers.params().changes(),
+            viewers: context.viewers,
+            bus: context.bus,
         }
-    }
-
-    /// Publishes the script's reports (entries, notices, pictures) on this bus.
-    #[must_use]
-    pub fn with_bus(self, bus: Bus) -> Supervisor {
-        Supervisor { bus, ..self }
-    }
-
-    /// Publishes the script's detections in frames, and its parameters, through this channel.
-    #[must_use]
-    pub fn with_viewers(self, viewers: ViewerChannel) -> Supervisor {
-        Supervisor {
-            param_changes: viewers.params().changes(),
-            viewers,
-            ..self
-        }
-    }
-
-    /// Connects a prompt, whose user types lines for the script and reads its output.
-    #[must_use]
-    pub fn with_repl_channel(self, repl_channel: ReplChannel) -> Supervisor {
-        Supervisor {
-            repl_channel: Some(repl_channel),
-            ..self
-        }
-    }
-
-    /// Sets how long the host may be silent before it is ended, whether it drives or not. While it
-    /// drives, the watchdog is stricter.
-    #[must_use]
-    pub fn with_longest_silence(mut self, limit: Duration) -> Supervisor {
-        if self.host.in_real_time {
-            self.liveness = Some(Liveness::new(limit));
-        }
-        self
     }
 
     /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
@@ -142,7 +128,7 @@ impl Supervisor {
     pub async fn run(self, handle: Handle, core: &Runtime) -> ScriptExit {
         let requests = self.requests.clone();
         let by = self.host.by;
-        let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
+        let served = core.spawn(self.serve_to_the_end(handle));
         let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
             let _ = requests.send(Request::Gone(by)).await;
             return self::exit(EndReason::Error, "internal error: its supervisor panicked");
@@ -156,11 +142,8 @@ impl Supervisor {
         exit
     }
 
-    async fn serve_to_the_end(
-        mut self,
-        mut stop: watch::Receiver<Option<EndReason>>,
-    ) -> (Supervisor, Option<ScriptExit>) {
-        let exit = self.serve(&mut stop).await;
+    async fn serve_to_the_end(mut self, handle: Handle) -> (Supervisor, Option<ScriptExit>) {
+        let exit = self.serve(&handle).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
         self.viewers.params().forget(&self.host.name);
         if self.dropped > 0 {
@@ -174,7 +157,7 @@ impl Supervisor {
     }
 
     /// Serves the behaviour until it has ended; `None` if its host ended without a report.
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<ScriptExit> {
+    async fn serve(&mut self, handle: &Handle) -> Option<ScriptExit> {
         let mut last_moment = None;
         let picture = self.inbox.picture();
         loop {
@@ -185,7 +168,7 @@ impl Supervisor {
                         return Some(exit);
                     }
                 }
-                Some(reason) = requested(stop), if last_moment.is_none() => {
+                reason = handle.stopped(), if last_moment.is_none() => {
                     self.pass_on(ToHost::Stop(reason));
                     self.is_running = self.is_running || self.pass_on(ToHost::Run);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
@@ -407,12 +390,6 @@ impl Supervisor {
             warn!(behaviour = %self.host.name, "its host cannot be ended: {error}");
         }
     }
-}
-
-/// Waits for the reason to end; a reason that was there before counts too.
-async fn requested(stop: &mut watch::Receiver<Option<EndReason>>) -> Option<EndReason> {
-    let reason = stop.wait_for(Option::is_some).await;
-    reason.ok().and_then(|reason| *reason)
 }
 
 /// Extra time, granted once, to a host that was silent for too long: a stall of the whole machine

@@ -8,4 +8,4 @@ mod worker;
 
 pub use confine::command;
 pub use confine::{Landlock, Restrictions, SandboxPolicy, confine, keep_descriptors};
-pub use worker::{Reply, WORKER_ARGUMENT, Worker, WorkerError, answer};
+pub use worker::{WORKER_ARGUMENT, Worker, WorkerError, answer};

@@ -193,14 +193,12 @@ impl Process {
     }
 }
 
-pub type Reply = Vec<u8>;
-
 /// The main function of a worker process: confines itself, reads the question and sends the answer.
 /// `work` runs on a thread with a stack of `stack` bytes.
 pub fn answer(
     arguments: impl Iterator<Item = OsString>,
     stack: usize,
-    work: impl FnOnce(&[u8]) -> io::Result<Reply> + Send + 'static,
+    work: impl FnOnce(&[u8]) -> io::Result<Vec<u8>> + Send + 'static,
 ) -> ExitCode {
     let answered = match SandboxPolicy::of_arguments(arguments) {
         Some((parent, policy)) => confine(parent, &policy).and_then(|_| {
@@ -221,7 +219,7 @@ pub fn answer(
     }
 }
 
-fn serve(work: impl FnOnce(&[u8]) -> io::Result<Reply>) -> io::Result<()> {
+fn serve(work: impl FnOnce(&[u8]) -> io::Result<Vec<u8>>) -> io::Result<()> {
     let mut stream = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
     let mut question = Vec::new();
     (&mut stream)
