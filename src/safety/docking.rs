@@ -310,24 +310,6 @@ mod tests {
     }
 
     #[test]
-    fn a_search_that_fails_is_tried_again_from_another_place() {
-        let (mut docking, now) = started(1);
-        assert_eq!(
-            docking.engine(EngineReport::BaseNotFound, now),
-            [DockAction::Reverse]
-        );
-        let backed_off = now + Docking::BACK_OFF_TIME;
-        assert_eq!(docking.poll(now + SECOND), []);
-        assert_eq!(docking.poll(backed_off), [DockAction::Find]);
-        assert_eq!(
-            docking.engine(EngineReport::BaseNotFound, backed_off),
-            [DockAction::Stop]
-        );
-        let outcome = docking.outcome().unwrap();
-        assert_eq!((outcome.end, outcome.attempts), (DockEnd::BaseNotFound, 2));
-    }
-
-    #[test]
     fn a_search_that_takes_too_long_is_cancelled_first() {
         let (mut docking, now) = going_home();
         let actions = docking.poll(now + 10 * SECOND);

@@ -358,20 +358,6 @@ mod tests {
     }
 
     #[test]
-    fn a_rescuer_drives_before_a_blind_leg() {
-        let (mut homing, now) = searching();
-        let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-        let time = Homing::LONGEST_GRANT;
-        assert_eq!(next, HomingStep::DriveGrant { by: WHO, time });
-        assert_eq!(homing.grantee(), Some(WHO));
-        homing.note_motion(true, now + SECOND);
-        let due = now + time;
-        assert_eq!(homing.next_deadline(now), Some(due));
-        assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
-        assert_eq!(homing.grantee(), None);
-    }
-
-    #[test]
     fn a_grant_is_twice_as_long_as_the_search_before_it_within_bounds() {
         for (search, grant) in [(3, 8), (12, 24), (60, 40)] {
             let now = Instant::now();
@@ -382,50 +368,6 @@ mod tests {
             homing.note_motion(true, failed);
             assert_eq!(homing.next_deadline(failed), Some(failed + grant * SECOND));
         }
-    }
-
-    #[test]
-    fn an_unused_grant_is_followed_by_a_blind_move_where_one_is_allowed() {
-        for (may_drive, next) in [
-            (true, HomingStep::BlindMove(1)),
-            (false, HomingStep::Search),
-        ] {
-            let (mut homing, now) = searching();
-            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-            let due = now + DriveGrant::FIRST;
-            assert_eq!(homing.poll(may_drive, due), Some(next));
-        }
-    }
-
-    #[test]
-    fn only_base_not_found_leads_to_a_leg() {
-        let (mut homing, now) = searching();
-        let next = homing.failed(DockEnd::Timeout, None, true, now);
-        assert_eq!(next, HomingStep::Pause(20 * SECOND));
-        let next = homing.failed(DockEnd::NotCharging, Some(WHO), true, now);
-        assert_eq!(next, HomingStep::Search);
-        assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
-    }
-
-    #[test]
-    fn all_pauses_are_the_same() {
-        let (mut homing, mut now) = searching();
-        for _ in 0..4 {
-            let next = homing.failed(DockEnd::BaseNotFound, None, false, now);
-            assert_eq!(next, HomingStep::Pause(20 * SECOND));
-            let due = homing.next_deadline(now).unwrap();
-            assert_eq!(due, now + 20 * SECOND);
-            assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
-            now = due + 60 * SECOND;
-        }
-        assert!(homing.has_failed_too_often());
-    }
-
-    #[test]
-    fn a_leg_that_is_no_longer_allowed_ends() {
-        let (mut homing, now) = searching();
-        homing.failed(DockEnd::BaseNotFound, None, true, now);
-        assert_eq!(homing.poll(false, now + SECOND), Some(HomingStep::Search));
     }
 
     #[test]
