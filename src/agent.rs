@@ -23,6 +23,7 @@ pub use self::running_pilot::{
     ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
 };
 use crate::behaviour::{Launch, Launcher, RestartPolicy};
+use crate::clock::or_never;
 use crate::link::LinkError;
 use crate::pilot::{Connector, Heartbeat, LinkState, Reactions, Settings, Status};
 use crate::robot::channel::Request;
@@ -228,7 +229,7 @@ impl Run {
         limit: Option<Duration>,
         stop: &CancellationToken,
     ) -> Result<EndReason, AgentError> {
-        let over = over(limit);
+        let over = or_never(limit.map(sleep));
         tokio::pin!(over);
         loop {
             let alone = self.behaviour_set.is_empty() && !self.stays;
@@ -270,12 +271,5 @@ impl Run {
     async fn abandon(self) {
         drop(self.pilot);
         self.behaviour_set.abandon().await;
-    }
-}
-
-async fn over(limit: Option<Duration>) {
-    match limit {
-        Some(limit) => sleep(limit).await,
-        None => std::future::pending().await,
     }
 }

@@ -25,7 +25,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use crate::clock::until;
+use crate::clock::{or_never, until};
 pub use crate::link::Delivery;
 use crate::link::{Confirmation, Executes, Incoming, LinkError, Session, Writer, hang_up};
 use crate::rate_limit::Repeats;
@@ -34,7 +34,7 @@ use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
     RobotInfo, StopConfirmation, Streams,
 };
-use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
+use crate::safety::{Act, Fact, LastWords, Limits, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
@@ -143,8 +143,9 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    /// Unknown kinds of messages, and when each was last logged.
-    unknown: Repeats<UnknownKind>,
+    /// Unknown kinds of messages and of ENGINE, and when each was last logged.
+    unknown_messages: Repeats<u8>,
+    unknown_engine: Repeats<u8>,
     engine_log: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// The state that lights, sounds and streams were last adapted to.
@@ -198,7 +199,8 @@ impl Pilot {
             status,
             info: None,
             simulated: settings.simulated,
-            unknown: Repeats::new(UNKNOWN_EVERY),
+            unknown_messages: Repeats::new(UNKNOWN_EVERY),
+            unknown_engine: Repeats::new(UNKNOWN_EVERY),
             engine_log: Repeats::new(ENGINE_EVERY),
             streams_due: None,
             restrictions: Restrictions::default(),
@@ -253,6 +255,8 @@ impl Pilot {
             self.store_last_words(&mut connection);
             let deadline = self.next_deadline();
             let end = self.ending.as_ref().map(|ending| ending.until);
+            let guardian_changed = self.heartbeat.as_mut().map(Heartbeat::guardian_changed);
+            let progress = self.writer.as_mut().map(Writer::progress);
             let turn = tokio::select! {
                 biased;
                 () = until(end) => break,
@@ -264,10 +268,10 @@ impl Pilot {
                     motion_stopped = true;
                     self.handle(Fact::RunEnding)
                 }
-                () = guardian_changed(self.heartbeat.as_mut()) => self.check_guardian(),
+                () = or_never(guardian_changed) => self.check_guardian(),
                 () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
-                written = progress(self.writer.as_mut()) => written,
+                written = or_never(progress) => written,
                 event = connection.next() => match event {
                     // A person can read why the very first connection has failed.
                     ConnectionEvent::Failed(error)
@@ -302,9 +306,7 @@ impl Pilot {
         let now = Instant::now();
         let writer = self.writer.as_ref();
         let queued = writer.is_some_and(|writer| writer.is_new_setpoint_waiting(now));
-        let changed = self.watchdog.note_setpoint_queued(queued, now);
-        if let Some(WaitingMotion { by, motion, waits }) = changed {
-            let event = Event::MotionWaiting { motion, on: waits };
+        if let Some(Act::Tell(by, event)) = self.watchdog.note_setpoint_queued(queued, now) {
             self.sessions.tell(by, event);
         }
     }
@@ -755,11 +757,10 @@ impl Pilot {
 
     /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
     fn log_engine_report(&mut self, report: EngineReport) {
+        let now = Instant::now();
         let said = match report {
-            EngineReport::Unknown(code) => self
-                .unknown
-                .record(UnknownKind::Engine(code), Instant::now()),
-            known => self.engine_log.record(known, Instant::now()),
+            EngineReport::Unknown(code) => self.unknown_engine.record(code, now),
+            known => self.engine_log.record(known, now),
         };
         match said {
             Some(0) => info!("the robot says: {}", describe(report)),
@@ -769,10 +770,7 @@ impl Pilot {
     }
 
     fn log_unknown_message(&mut self, kind: u8) {
-        if let Some(repeated) = self
-            .unknown
-            .record(UnknownKind::Message(kind), Instant::now())
-        {
+        if let Some(repeated) = self.unknown_messages.record(kind, Instant::now()) {
             info!(
                 kind,
                 repeated, "a message of unknown type or length; logged once per type and minute"
@@ -959,13 +957,6 @@ impl Pilot {
     }
 }
 
-/// A kind of unknown value: each is logged once a minute.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum UnknownKind {
-    Message(u8),
-    Engine(u8),
-}
-
 fn describe(report: EngineReport) -> String {
     match report {
         EngineReport::Docked => "on the station".to_owned(),
@@ -973,21 +964,5 @@ fn describe(report: EngineReport) -> String {
         EngineReport::Charged => "the battery is full".to_owned(),
         EngineReport::BaseNotFound => "station not found".to_owned(),
         EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
-    }
-}
-
-/// See [`Heartbeat::guardian_changed`].
-async fn guardian_changed(heartbeat: Option<&mut Heartbeat>) {
-    match heartbeat {
-        Some(heartbeat) => heartbeat.guardian_changed().await,
-        None => std::future::pending().await,
-    }
-}
-
-/// Writes what is queued; see [`Writer::progress`].
-async fn progress(writer: Option<&mut Writer>) -> Result<(), LinkError> {
-    match writer {
-        Some(writer) => writer.progress().await,
-        None => std::future::pending().await,
     }
 }

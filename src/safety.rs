@@ -27,7 +27,7 @@ mod tracks;
 mod watchdog;
 
 pub use act::{Act, Fact, LastWords};
-pub use arbiter::{Arbiter, EndedMotion, WaitingMotion};
+pub use arbiter::Arbiter;
 pub use battery::{BatteryChange, BatteryMonitor, Charging, LowCause};
 pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker};

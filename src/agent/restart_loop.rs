@@ -1,7 +1,6 @@
 //! Runs one behaviour, restarts it when it has failed or its file was saved, and gives it up when
 //! it fails too often.
 
-use std::future::{Future, pending};
 use std::pin::{Pin, pin};
 use std::time::Duration;
 
@@ -16,6 +15,7 @@ use crate::behaviour::{
     RestartTracker, Supervisor,
 };
 use crate::check;
+use crate::clock::or_never;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{AgentEvent, BehaviourId, EndReason, Priority};
 use crate::script::ScriptExit;
@@ -129,8 +129,10 @@ impl RestartLoop {
                     handle.stop(reason);
                 }
                 exit = &mut life => break exit,
-                Some(source) = saved(&mut self.reloads) => loading = Some(self.load(source)),
-                loaded = done(&mut loading) => {
+                Some(source) = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => {
+                    loading = Some(self.load(source));
+                }
+                loaded = or_never(loading.as_mut()) => {
                     loading = None;
                     if let Some(loaded) = self.accept(loaded, "the old script still runs") {
                         successor = Some(loaded);
@@ -171,7 +173,7 @@ impl RestartLoop {
         tokio::select! {
             biased;
             _ = self.stop.stopped() => return None,
-            Some(source) = saved(&mut self.reloads) => {
+            Some(source) = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => {
                 return self.wait_for_fix(Some(source)).await.map(Ok);
             }
             () = sleep(pause) => {}
@@ -235,7 +237,7 @@ impl RestartLoop {
                 None => tokio::select! {
                     biased;
                     _ = self.stop.stopped() => return None,
-                    source = saved(&mut self.reloads) => source?,
+                    source = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => source?,
                 },
             };
             let loading = self.load(source);
@@ -332,20 +334,5 @@ pub(super) fn report(name: &str, exit: &ScriptExit) {
             error!(behaviour = name, %reason, "{message}");
         }
         _ => info!(behaviour = name, %reason, "{message}"),
-    }
-}
-
-/// Waits for the next save; `None`: there will be none.
-async fn saved(reloads: &mut Option<mpsc::Receiver<Vec<u8>>>) -> Option<Vec<u8>> {
-    match reloads {
-        Some(reloads) => reloads.recv().await,
-        None => pending().await,
-    }
-}
-
-async fn done(loading: &mut Option<Loading>) -> Result<Loaded, ScriptExit> {
-    match loading {
-        Some(loading) => loading.await,
-        None => pending().await,
     }
 }

@@ -16,7 +16,7 @@ mod supervisor;
 mod watch;
 
 pub use host::{STACK, host, host_main};
-pub use inspection::{INSPECTION, Inspected, InspectionError, Inspector, inspection_main};
+pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, PromptCommand, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};

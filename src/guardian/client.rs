@@ -48,18 +48,14 @@ pub struct Guardian {
     /// `None` while no guardian runs.
     socket: Option<GuardianSocket>,
     /// Kept for a later guardian, like all that follows.
-    link: Option<Link>,
+    link: Option<Arc<TcpStream>>,
+    /// The link obeys only after its first POWER.
+    login: bool,
     words: LastWordsData,
     route: Option<Route>,
     owed: bool,
     unanswered: u32,
     last_beat: Option<Instant>,
-}
-
-#[derive(Debug)]
-struct Link {
-    robot: Arc<TcpStream>,
-    login: bool,
 }
 
 impl Guardian {
@@ -79,6 +75,7 @@ impl Guardian {
             files,
             socket: first.ok().map(GuardianSocket::new),
             link: None,
+            login: false,
             words: LastWordsData::default(),
             route: None,
             owed: false,
@@ -119,7 +116,8 @@ impl Guardian {
             rest: Vec::new(),
             last,
         };
-        self.link = Some(Link { robot, login });
+        self.link = Some(robot);
+        self.login = login;
         self.send_link();
     }
 
@@ -202,13 +200,14 @@ impl Guardian {
 
     fn send_link(&mut self) {
         let words = self.words.clone();
-        let (message, robot) = match &self.link {
-            None => (GuardianMessage::LastWords(words), None),
-            Some(Link { robot, login: true }) => (GuardianMessage::Login(words), Some(robot)),
-            Some(Link { robot, .. }) => (GuardianMessage::Watch(words), Some(robot)),
+        let message = match &self.link {
+            None => GuardianMessage::LastWords(words),
+            Some(_) if self.login => GuardianMessage::Login(words),
+            Some(_) => GuardianMessage::Watch(words),
         };
         if let Some(socket) = &self.socket {
-            let sent = message.send(&socket.fd, robot.map(|robot| robot.as_fd()));
+            let robot = self.link.as_ref().map(|robot| robot.as_fd());
+            let sent = message.send(&socket.fd, robot);
             self.lose_if(sent);
         }
     }

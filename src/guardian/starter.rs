@@ -87,20 +87,22 @@ impl Starter {
 
 fn keep_running(
     recipe: &Recipe,
-    mut process: Option<Process>,
+    mut process: Option<Child>,
     losses: &Receiver<OwnedFd>,
     started: &mpsc::Sender<OwnedFd>,
 ) {
     let mut backoff = Backoff::new(FIRST_PAUSE, LONGEST_PAUSE);
+    let mut began = Instant::now();
     loop {
         if let Some(mut lost) = process.take() {
             let Ok(socket) = losses.recv() else {
                 return;
             };
-            lost.kill();
+            let _ = lost.kill();
+            let _ = lost.wait();
             // Only after its death: at the end of its socket it would write to the robot.
             drop(socket);
-            if lost.began.elapsed() >= GOOD_LIFE {
+            if began.elapsed() >= GOOD_LIFE {
                 backoff.reset();
             }
         } else if matches!(losses.try_recv(), Err(TryRecvError::Disconnected)) {
@@ -109,6 +111,7 @@ fn keep_running(
         thread::sleep(backoff.step());
         if let Ok((next, socket)) = recipe.start() {
             process = Some(next);
+            began = Instant::now();
             if started.blocking_send(socket).is_err() {
                 return;
             }
@@ -124,7 +127,7 @@ struct Recipe {
 }
 
 impl Recipe {
-    fn start(&self) -> io::Result<(Process, OwnedFd)> {
+    fn start(&self) -> io::Result<(Child, OwnedFd)> {
         let flags = SocketFlags::CLOEXEC;
         let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
         let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
@@ -139,20 +142,6 @@ impl Recipe {
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()?;
-        let began = Instant::now();
-        Ok((Process { child, began }, ours))
-    }
-}
-
-#[derive(Debug)]
-struct Process {
-    child: Child,
-    began: Instant,
-}
-
-impl Process {
-    fn kill(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        Ok((child, ours))
     }
 }

@@ -14,6 +14,7 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use crate::clock::or_never;
 use crate::guardian::{Guardian, GuardianAct, HEARTBEAT_INTERVAL, HEARTBEAT_TIMEOUT};
 use crate::safety::Fact;
 
@@ -208,10 +209,7 @@ impl Heartbeat {
     /// Waits until [`Heartbeat::check_guardian`] has something to check: the guardian answers, has
     /// died, or another one has started. Cancel-safe.
     pub(super) async fn guardian_changed(&mut self) {
-        match &mut self.guardian {
-            Some(guardian) => guardian.changed().await,
-            None => std::future::pending().await,
-        }
+        or_never(self.guardian.as_mut().map(Guardian::changed)).await;
     }
 
     pub(super) fn check_guardian(&mut self) -> Option<Interruption> {

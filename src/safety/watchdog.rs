@@ -16,9 +16,8 @@ use tokio::time::Instant;
 use super::docking::{ActiveDocking, Caller};
 use super::{
     ALARM, Act, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction,
-    DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep, HostLife, LastWords,
-    Leases, Limits, LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Tracks, WaitingMotion,
-    capped,
+    DockState, DockTracker, Docking, Fact, Homing, HomingStep, HostLife, LastWords, Leases, Limits,
+    LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Tracks, capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
@@ -186,7 +185,7 @@ impl Watchdog {
         self.check_hosts(now);
         self.check_stream(now);
         let over = self.arbiter.expire(now);
-        self.tell_ended(over);
+        self.acts.extend(over);
         self.check_flat(now);
         self.check_place(now);
         self.check_power_silence(now);
@@ -199,9 +198,9 @@ impl Watchdog {
     }
 
     /// Notes whether a MOVE with a new setpoint waits for or in the robot's queue; it may also wait
-    /// here. Returns the timed setpoint that has begun to wait, or has begun after it
+    /// here. Tells of the timed setpoint that has begun to wait, or has begun after it
     /// waited.
-    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<WaitingMotion> {
+    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<Act> {
         let waits = queued || self.arbiter.setpoint() != self.tracks.last_sent();
         self.arbiter.set_waiting(waits, now)
     }
@@ -1194,7 +1193,7 @@ impl Watchdog {
             } => self.move_asked(by, priority, motion, setpoint, duration, now),
             Intent::Release { motion } => {
                 let over = self.arbiter.release(by, motion);
-                self.tell_ended(over);
+                self.acts.extend(over);
             }
             Intent::Stop => self.stop_asked(by, priority, now),
             Intent::Dock { call, plan } => self.dock_asked(caller(call), plan, now),
@@ -1224,8 +1223,9 @@ impl Watchdog {
         let is_grantee = self.guarded && self.grantee() == Some(by);
         if let (Some(end), false) = (self.refusal(), is_grantee) {
             let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
-            self.tell_ended(earlier);
-            return self.tell_ended(vec![EndedMotion { by, motion, end }]);
+            self.acts.extend(earlier);
+            let event = Event::MotionEnded { motion, end };
+            return self.acts.push(Act::Tell(by, event));
         }
         let allowed = if is_grantee {
             capped(setpoint, self.limits.rescue_power)
@@ -1236,7 +1236,7 @@ impl Watchdog {
         let over = self
             .arbiter
             .claim(by, priority, motion, allowed, duration, now);
-        self.tell_ended(over);
+        self.acts.extend(over);
     }
 
     /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
@@ -1248,7 +1248,7 @@ impl Watchdog {
             None => {}
         }
         let over = self.arbiter.stop(by, priority);
-        self.tell_ended(over);
+        self.acts.extend(over);
         if self.docking.as_ref().is_some_and(|active| !active.forced) {
             self.cancel_docks(Some((by, priority)), now);
         }
@@ -1548,13 +1548,7 @@ impl Watchdog {
 
     fn end_motion(&mut self, end: MotionEnd) {
         let over = self.arbiter.clear(end);
-        self.tell_ended(over);
-    }
-
-    fn tell_ended(&mut self, over: Vec<EndedMotion>) {
-        let tell =
-            |EndedMotion { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
-        self.acts.extend(over.into_iter().map(tell));
+        self.acts.extend(over);
     }
 
     fn answer_dock(&mut self, Caller { by, call, .. }: Caller, outcome: DockOutcome) {
