@@ -96,7 +96,6 @@ pub enum BehaviourState {
     Ending,
 }
 
-/// Why a command is refused or has failed.
 impl BehaviourState {
     /// The name that pages and programs receive.
     pub fn name(self) -> &'static str {
@@ -114,6 +113,7 @@ impl BehaviourState {
     }
 }
 
+/// Why a command is refused or has failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
     /// No behaviour has this name.

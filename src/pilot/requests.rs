@@ -522,18 +522,15 @@ mod tests {
         }
     }
 
+    fn join(sessions: &mut Sessions, by: BehaviourId, role: Role) {
+        sessions.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+    }
+
     #[test]
     fn a_stream_is_on_while_any_behaviour_wants_it() {
         let mut sessions = Sessions::default();
         for by in [ONE, TWO] {
-            sessions.join(
-                by,
-                "one".to_owned(),
-                Priority(0),
-                Role::Behaviour,
-                events().0,
-                &[],
-            );
+            join(&mut sessions, by, Role::Behaviour);
             sessions.want(by, Stream::Video, true);
         }
         assert_eq!(sessions.stream_changes(false, USUAL), [video(true)]);
@@ -556,14 +553,7 @@ mod tests {
             audio_in: Use::Off,
             ..Streams::default()
         });
-        sessions.join(
-            ONE,
-            "one".to_owned(),
-            Priority(0),
-            Role::Behaviour,
-            events().0,
-            &[],
-        );
+        join(&mut sessions, ONE, Role::Behaviour);
         sessions.want(ONE, Stream::AudioIn, true);
         assert_eq!(sessions.stream_changes(true, USUAL), [video(true)]);
         assert!(sessions.streams(Stream::Video) && !sessions.streams(Stream::AudioIn));
@@ -583,7 +573,7 @@ mod tests {
             ..Streams::default()
         });
         for (by, role) in [(ONE, Role::Behaviour), (TWO, Role::Rescuer)] {
-            sessions.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+            join(&mut sessions, by, role);
             sessions.want(by, Stream::AudioIn, true);
         }
         let audio = |on| Command::Stream {

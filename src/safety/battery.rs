@@ -476,20 +476,6 @@ mod tests {
     }
 
     #[test]
-    fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
-        assert_eq!(Rig::at(10).report_in(10, true, true), RELEASED);
-        let mut rig = Rig::at(10);
-        assert_eq!(
-            rig.monitor.contact(rig.now),
-            None,
-            "contact alone is not charging"
-        );
-        rig.report(10, true);
-        assert_eq!(rig.monitor.contact(rig.now), RELEASED);
-        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
-    }
-
-    #[test]
     fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
         let mut rig = Rig::at(10);
         for percent in [100, 30, 70] {
@@ -548,15 +534,6 @@ mod tests {
         let later = |ms| rig.now + Duration::from_millis(ms);
         assert!(rig.monitor.is_fresh(later(599_999)));
         assert!(!rig.monitor.is_fresh(later(600_000)));
-    }
-
-    #[test]
-    fn on_the_station_silence_is_excused() {
-        let mut rig = Rig::new();
-        rig.report(80, true);
-        let later = rig.now + Duration::from_secs(599);
-        rig.monitor.excuse_silence(later);
-        assert_eq!(rig.monitor.poll(rig.now + Duration::from_secs(700)), None);
     }
 
     #[test]
