@@ -16,7 +16,7 @@ use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
 use crate::robot::{Detection, EndReason};
-use crate::sandbox::{SandboxPolicy, confine};
+use crate::sandbox;
 use crate::script::{
     AnnotatedFrame, LabelledBlob, Level, LogLine, Options, Output, Script, ScriptExit,
 };
@@ -32,25 +32,7 @@ pub const STACK: usize = 8 << 20;
 
 /// Runs a host process; the arguments describe its `SandboxPolicy`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    let life = std::thread::Builder::new()
-        .name("vm".into())
-        .stack_size(STACK);
-    let policy =
-        SandboxPolicy::of_arguments(arguments).ok_or_else(|| io::ErrorKind::InvalidInput.into());
-    let ended = policy
-        .and_then(|(parent, policy)| confine(parent, &policy))
-        .and_then(|_| life.spawn(over_stdin))
-        .and_then(|vm| {
-            vm.join()
-                .unwrap_or_else(|_| Err(io::Error::other("the host panicked")))
-        });
-    match ended {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("behaviour host: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    sandbox::confined_main(arguments, "vm", STACK, over_stdin)
 }
 
 fn over_stdin() -> io::Result<()> {

@@ -4,14 +4,11 @@
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
@@ -89,9 +86,10 @@ pub async fn connect(
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
     let direct = duplicate(&stream).map_err(LinkError::Unguarded)?;
-    let (reader, writer) = stream.into_split();
+    // A dropped half does not shut the socket down: another process may have to go on with its
+    // duplicate.
+    let (reader, writer) = tokio::io::split(stream);
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = KeptOpen(Some(writer));
     let mut writer = Writer::new(Box::new(writer), Some(direct), options.dead_after);
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
@@ -442,45 +440,6 @@ pub async fn hang_up(mut reader: Reader, mut writer: Writer) {
         reader.discard().await
     };
     let _ = timeout(LINGER, hanging_up).await;
-}
-
-/// The write half of a socket. Dropping it does not shut the socket down: another process may have
-/// to go on with its duplicate.
-struct KeptOpen(Option<OwnedWriteHalf>);
-
-impl KeptOpen {
-    fn half(&mut self) -> io::Result<Pin<&mut OwnedWriteHalf>> {
-        self.0
-            .as_mut()
-            .map(Pin::new)
-            .ok_or_else(|| io::ErrorKind::NotConnected.into())
-    }
-}
-
-impl AsyncWrite for KeptOpen {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        self.half()?.poll_write(cx, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.half()?.poll_flush(cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.half()?.poll_shutdown(cx)
-    }
-}
-
-impl Drop for KeptOpen {
-    fn drop(&mut self) {
-        if let Some(half) = self.0.take() {
-            half.forget();
-        }
-    }
 }
 
 #[cfg(test)]

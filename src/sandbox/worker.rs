@@ -200,17 +200,27 @@ pub fn answer(
     stack: usize,
     work: impl FnOnce(&[u8]) -> io::Result<Vec<u8>> + Send + 'static,
 ) -> ExitCode {
-    let answered = match SandboxPolicy::of_arguments(arguments) {
-        Some((parent, policy)) => confine(parent, &policy).and_then(|_| {
-            let thread = thread::Builder::new().name("work".into()).stack_size(stack);
-            let working = thread.spawn(move || serve(work))?;
-            working
-                .join()
-                .unwrap_or_else(|_| Err(io::Error::other("it panicked")))
-        }),
-        None => Err(ErrorKind::InvalidInput.into()),
-    };
-    match answered {
+    confined_main(arguments, "work", stack, move || serve(work))
+}
+
+/// The main function of a confined process: confines itself by its arguments, then does its work on
+/// a thread of this name with a stack of `stack` bytes.
+pub fn confined_main(
+    arguments: impl Iterator<Item = OsString>,
+    name: &str,
+    stack: usize,
+    work: impl FnOnce() -> io::Result<()> + Send + 'static,
+) -> ExitCode {
+    let thread = thread::Builder::new().name(name.into()).stack_size(stack);
+    let done = SandboxPolicy::of_arguments(arguments)
+        .ok_or_else(|| ErrorKind::InvalidInput.into())
+        .and_then(|(parent, policy)| confine(parent, &policy))
+        .and_then(|_| thread.spawn(work))
+        .and_then(|working| {
+            let panicked = || Err(io::Error::other("it panicked"));
+            working.join().unwrap_or_else(|_| panicked())
+        });
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("its process failed: {error}");
