@@ -157,9 +157,6 @@ async fn stop_run(
 
 impl Client {
     /// Connects to the run that this service hosts.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
         match ask_web(remote.clone(), &RunRequest::Status, CONNECT_TIMEOUT).await? {
             RunResponse::Status(status) => Ok(Client {
@@ -181,9 +178,6 @@ impl Client {
 
     /// Sends one request and waits for the answer at most this long. Dropping the future cancels a
     /// request on this computer; a remote one is cancelled only when this process ends.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub async fn ask(
         &self,
         request: &RunRequest,
@@ -314,9 +308,6 @@ pub struct TokenError;
 
 impl Remote {
     /// A service at this address, with this token.
-    ///
-    /// # Errors
-    /// See [`TokenError`].
     pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, TokenError> {
         let token = token.map(|token| {
             let field = HeaderValue::from_str(&format!("Bearer {token}"));
@@ -335,9 +326,6 @@ impl Remote {
     }
 
     /// Sends one request and waits for the answer at most this long. Blocks the calling thread.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<RunResponse, AskError> {
         let http_request = request.to_http(&self.url.to_string());
         let mut http_request = http_request.map_err(io::Error::other)?;

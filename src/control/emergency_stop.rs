@@ -106,9 +106,7 @@ impl EmergencyStop {
 
     /// Releases the STOP that a program of this data folder has left behind; returns whether there
     /// was one.
-    ///
-    /// # Errors
-    /// Any error of the system; the STOP then still holds.
+    /// If it fails, the STOP still holds.
     pub fn remove(data: &Path) -> io::Result<bool> {
         match std::fs::remove_file(data.join(NAME)) {
             Ok(()) => Ok(true),
@@ -158,9 +156,7 @@ impl EmergencyStop {
 
     /// Releases it, in the name of `by`: tells the pilot at once, then waits until the next program
     /// would not hold it either, for a limited time.
-    ///
-    /// # Errors
-    /// The reason why the next program may hold the robot again.
+    /// The error says why the next program may hold the robot again.
     pub async fn reset(&self, by: &str, tell_pilot: impl FnOnce()) -> Result<(), String> {
         if self.set(false, tell_pilot) {
             self.bus

@@ -39,9 +39,7 @@ pub(super) struct Folder {
 
 impl Folder {
     /// Opens the folder, and creates it if necessary.
-    ///
-    /// # Errors
-    /// Any error of the system; if the folder belongs to another user.
+    /// Fails if the folder belongs to another user.
     pub(super) fn make(data: &Path) -> io::Result<Folder> {
         let new = !data.exists();
         files::Folder::make(&data.join(NAME))?;
@@ -51,9 +49,7 @@ impl Folder {
     }
 
     /// Opens the folder.
-    ///
-    /// # Errors
-    /// If the folder does not exist or belongs to another user.
+    /// Fails if the folder does not exist or belongs to another user.
     pub(super) fn open(data: &Path) -> io::Result<Folder> {
         let path = data.join(NAME);
         let open = files::Folder::open(&path)?;
@@ -67,9 +63,6 @@ impl Folder {
     }
 
     /// Creates the socket of this process.
-    ///
-    /// # Errors
-    /// Any error of the system.
     fn bind(&self) -> io::Result<ControlServer> {
         let name = name_of(std::process::id());
         self.sweep();
@@ -100,9 +93,7 @@ impl Folder {
     }
 
     /// Connects to the run with this process ID.
-    ///
-    /// # Errors
-    /// If it no longer listens.
+    /// Fails if it no longer listens.
     pub(super) fn connect_to(&self, pid: u32) -> io::Result<UnixStream> {
         self.connect(&name_of(pid))
     }
@@ -148,17 +139,13 @@ pub struct ControlServer {
 impl ControlServer {
     /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
     /// core.
-    ///
-    /// # Errors
-    /// Any error of the system; the run then accepts no requests.
+    /// If it fails, the run accepts no requests.
     pub fn open(data: &Path) -> io::Result<ControlServer> {
         Folder::make(data)?.bind()
     }
 
     /// Serves programs of the same user; returns only on an error.
-    ///
-    /// # Errors
-    /// If the socket cannot be served at all.
+    /// Fails if the socket cannot be served at all.
     pub async fn serve(self, run: Run) -> io::Result<()> {
         let listener = tokio::net::UnixListener::from_std(self.listener.try_clone()?)?;
         http::serve_private(listener, routes(run)).await;

@@ -267,9 +267,7 @@ impl Run {
     }
 
     /// Ends all behaviours, also those that start or restart at this moment.
-    ///
-    /// # Errors
-    /// Why a behaviour may still run, in words.
+    /// The error says why a behaviour may still run.
     pub async fn end_behaviours(&self) -> Result<(), String> {
         match self.roster.stop_all().await {
             // A run that is ending ends its behaviours itself.
@@ -312,9 +310,7 @@ impl Run {
 
     /// Joins the pilot with a person's client, whose priority is above all behaviours. `name`
     /// appears in the log.
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`]: the run has ended.
+    /// Fails if the run has ended.
     pub async fn pilot_client(&self, name: &str) -> Result<PilotClient, PilotClientError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
@@ -338,9 +334,7 @@ impl Run {
     }
 
     /// Releases STOP in the name of `by`.
-    ///
-    /// # Errors
-    /// Why it may hold in the next program, in words.
+    /// The error says why it may hold in the next program.
     async fn reset_stop(&self, by: &str) -> Result<(), String> {
         match self.reserve_place().await {
             Some(place) => {

@@ -62,9 +62,7 @@ impl Guardian {
     /// Starts the guardian from this executable, which must be `spykee`. Blocks until the process
     /// is started: not for the driving core. If no process can be started now, that is tried again
     /// for as long as this lives, and nothing may drive meanwhile.
-    ///
-    /// # Errors
-    /// The executable cannot be opened, or no thread can be started.
+    /// Fails if the executable cannot be opened, or no thread can be started.
     pub fn start(executable: &Path, files: GuardianFiles) -> io::Result<Guardian> {
         let (starter, first) = Starter::start(executable, files.clone())?;
         if let Err(error) = &first {

@@ -50,9 +50,7 @@ impl StopAnswer {
 
 /// Asks the guardian that listens at `path` to stop its robot in place of a run that hangs. Blocks
 /// for at most two seconds.
-///
-/// # Errors
-/// Nobody listens there, or no answer comes in time.
+/// Fails if nobody listens there, or no answer comes in time.
 pub fn request_stop(path: &Path) -> io::Result<StopAnswer> {
     let (folder, name) = place(path)?;
     let socket = UnixDatagram::unbound()?;

@@ -108,9 +108,6 @@ pub async fn connect(
 }
 
 /// Like [`connect`], over any transport; `peer` is only passed on.
-///
-/// # Errors
-/// Every kind of [`LinkError`] but `Unreachable`.
 pub async fn open(
     reader: impl AsyncRead + Unpin + Send + 'static,
     writer: impl AsyncWrite + Unpin + Send + 'static,

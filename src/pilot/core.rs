@@ -33,9 +33,7 @@ pub struct DrivingCore {
 
 impl DrivingCore {
     /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system cannot create the thread or its runtime.
+    /// Fails if the system cannot create the thread or its runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
             .enable_all()

@@ -112,9 +112,7 @@ pub enum LimitsError {
 
 impl Limits {
     /// Checks the limits against each other.
-    ///
-    /// # Errors
-    /// If not critical < low < ok.
+    /// Fails if not critical < low < ok.
     pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..
