@@ -2,10 +2,8 @@
 //! standard input and no other open files. In virtual time a host is a task on this thread instead,
 //! with the same code and messages but without the isolation of a process.
 
-use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
@@ -152,26 +150,9 @@ pub(super) enum HostProcess {
     Over,
 }
 
-#[derive(Debug)]
-pub(super) enum Exit {
-    Process(ExitStatus),
-    /// The error; empty if there was none.
-    Task(String),
-}
-
-impl fmt::Display for Exit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Exit::Process(status) => status.fmt(f),
-            Exit::Task(words) if words.is_empty() => f.write_str("returned"),
-            Exit::Task(words) => f.write_str(words),
-        }
-    }
-}
-
 impl HostProcess {
     /// Sends SIGKILL and reaps the process; a task is aborted at its current await point.
-    pub(super) async fn kill(&mut self) -> io::Result<Exit> {
+    pub(super) async fn kill(&mut self) -> io::Result<String> {
         match self {
             HostProcess::Child(child) => child.start_kill()?,
             HostProcess::Task(task) => task.abort(),
@@ -180,20 +161,20 @@ impl HostProcess {
         self.wait().await
     }
 
-    /// Waits until the host has ended on its own. Cancel-safe.
-    pub(super) async fn wait(&mut self) -> io::Result<Exit> {
+    /// Waits until the host has ended on its own; returns how. Cancel-safe.
+    pub(super) async fn wait(&mut self) -> io::Result<String> {
         let ended = match self {
-            HostProcess::Child(child) => return child.wait().await.map(Exit::Process),
+            HostProcess::Child(child) => return Ok(child.wait().await?.to_string()),
             HostProcess::Task(task) => task.await,
-            HostProcess::Over => return Ok(Exit::Task(String::new())),
+            HostProcess::Over => return Ok("returned".to_owned()),
         };
         *self = HostProcess::Over;
-        Ok(Exit::Task(match ended {
-            Ok(Ok(())) => String::new(),
+        Ok(match ended {
+            Ok(Ok(())) => "returned".to_owned(),
             Ok(Err(error)) => error.to_string(),
             Err(error) if error.is_cancelled() => "killed".to_owned(),
             Err(_) => "it panicked".to_owned(),
-        }))
+        })
     }
 
     /// Returns what a host that has ended wrote to its standard error: nothing, unless it failed.
@@ -322,7 +303,7 @@ impl Prepared {
             Ok(status) => status,
             Err(_) => self.process.kill().await,
         };
-        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let status = status.unwrap_or_else(|error| error.to_string());
         let words = timeout(EXIT_TIME, self.process.last_words())
             .await
             .unwrap_or_default();
