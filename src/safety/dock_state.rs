@@ -260,7 +260,7 @@ mod tests {
             DockState::Left,
             DockState::Unknown,
         ];
-        let texts = texts.map(|dock_state| dock_state.to_string());
+        let texts = texts.map(|text| text.to_string());
         assert_eq!(texts[0], "on its station, charging");
         assert_eq!(texts[2], "off its station");
         assert!(texts.iter().all(|text| !text.is_empty()));
@@ -271,187 +271,183 @@ mod tests {
     }
 
     fn on_contact() -> (DockTracker, Instant) {
-        let (mut dock_state, now) = nowhere();
-        dock_state.login(true, false, now);
-        (dock_state, now)
+        let (mut tracker, now) = nowhere();
+        tracker.login(true, false, now);
+        (tracker, now)
     }
 
     #[test]
     fn each_report_sets_its_place() {
-        let (mut dock_state, now) = nowhere();
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        dock_state.login(false, false, now);
-        assert_eq!(dock_state.dock_state(), DockState::Left);
-        dock_state.docked(now);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
-        dock_state.power(true, now);
-        assert_eq!(dock_state.dock_state(), DockState::Charging);
-        dock_state.docked(now);
+        let (mut tracker, now) = nowhere();
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        tracker.login(false, false, now);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        tracker.docked(now);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
+        tracker.power(true, now);
+        assert_eq!(tracker.dock_state(), DockState::Charging);
+        tracker.docked(now);
+        assert_eq!(tracker.dock_state(), DockState::Charging, "a late report");
+        tracker.power(false, now);
         assert_eq!(
-            dock_state.dock_state(),
-            DockState::Charging,
-            "a late report"
-        );
-        dock_state.power(false, now);
-        assert_eq!(
-            dock_state.dock_state(),
+            tracker.dock_state(),
             DockState::ContactReported,
             "full, or no current"
         );
-        dock_state.undocked(now);
-        assert_eq!(dock_state.dock_state(), DockState::Left);
+        tracker.undocked(now);
+        assert_eq!(tracker.dock_state(), DockState::Left);
     }
 
     #[test]
     fn charging_that_ends_without_reported_contact_leaves_the_place_unknown() {
-        let (mut dock_state, now) = nowhere();
-        dock_state.login(false, false, now);
-        dock_state.power(true, now);
-        dock_state.power(false, now);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = nowhere();
+        tracker.login(false, false, now);
+        tracker.power(true, now);
+        tracker.power(false, now);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn an_unconfirmed_undocking_leaves_the_place_unknown() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        dock_state.leave_station(20 * SECOND, now);
-        assert_eq!(dock_state.next_deadline(false), Some(now + 20 * SECOND));
-        dock_state.poll(false, now + 19 * SECOND);
-        assert!(dock_state.on_station() && dock_state.is_leaving());
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        tracker.leave_station(20 * SECOND, now);
+        assert_eq!(tracker.next_deadline(false), Some(now + 20 * SECOND));
+        tracker.poll(false, now + 19 * SECOND);
+        assert!(tracker.on_station() && tracker.is_leaving());
         assert_eq!(
-            dock_state.poll(false, now + 20 * SECOND),
+            tracker.poll(false, now + 20 * SECOND),
             Some(Contradiction::Leaving)
         );
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        assert!(!dock_state.is_leaving());
-        assert_eq!(dock_state.next_deadline(false), None);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        assert!(!tracker.is_leaving());
+        assert_eq!(tracker.next_deadline(false), None);
     }
 
     #[test]
     fn a_confirmation_is_awaited_for_a_minute_at_most() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.leave_station(Duration::MAX, now);
-        dock_state.poll(false, now + 60 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = on_contact();
+        tracker.leave_station(Duration::MAX, now);
+        tracker.poll(false, now + 60 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn charging_that_ends_after_charge_stop_is_evidence_and_the_robot_still_backs_out() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        dock_state.leave_station(20 * SECOND, now);
-        dock_state.power(false, now + SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left);
-        assert!(dock_state.is_leaving());
-        dock_state.poll(false, now + 20 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left);
-        assert!(!dock_state.is_leaving());
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        tracker.leave_station(20 * SECOND, now);
+        tracker.power(false, now + SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        assert!(tracker.is_leaving());
+        tracker.poll(false, now + 20 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        assert!(!tracker.is_leaving());
     }
 
     #[test]
     fn a_report_ends_the_wait_for_a_confirmation() {
         for docked in [true, false] {
-            let (mut dock_state, now) = on_contact();
-            dock_state.leave_station(20 * SECOND, now);
+            let (mut tracker, now) = on_contact();
+            tracker.leave_station(20 * SECOND, now);
             if docked {
-                dock_state.docked(now);
+                tracker.docked(now);
             } else {
-                dock_state.undocked(now);
+                tracker.undocked(now);
             }
-            assert!(!dock_state.is_leaving());
-            dock_state.poll(false, now + 60 * SECOND);
-            assert_eq!(dock_state.on_station(), docked);
+            assert!(!tracker.is_leaving());
+            tracker.poll(false, now + 60 * SECOND);
+            assert_eq!(tracker.on_station(), docked);
         }
     }
 
     #[test]
     fn contact_without_charging_expires_only_while_low() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.poll(false, now + 3600 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        let (mut tracker, now) = on_contact();
+        tracker.poll(false, now + 3600 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
         let low = now + 7200 * SECOND;
-        dock_state.expect_charge(low);
-        assert_eq!(dock_state.next_deadline(true), Some(low + 30 * SECOND));
-        assert_eq!(dock_state.next_deadline(false), None);
-        dock_state.poll(true, low + 29 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        tracker.expect_charge(low);
+        assert_eq!(tracker.next_deadline(true), Some(low + 30 * SECOND));
+        assert_eq!(tracker.next_deadline(false), None);
+        tracker.poll(true, low + 29 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
         assert_eq!(
-            dock_state.poll(true, low + 30 * SECOND),
+            tracker.poll(true, low + 30 * SECOND),
             Some(Contradiction::Contact)
         );
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn a_new_login_does_not_extend_contact_while_low() {
-        let (mut dock_state, now) = on_contact();
+        let (mut tracker, now) = on_contact();
         for second in 1..30 {
-            dock_state.login(true, true, now + second * SECOND);
-            assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
+            tracker.login(true, true, now + second * SECOND);
+            assert_eq!(tracker.next_deadline(true), Some(now + 30 * SECOND));
         }
-        dock_state.login(true, true, now + 30 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        dock_state.docked(now + 40 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 70 * SECOND));
+        tracker.login(true, true, now + 30 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        tracker.docked(now + 40 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 70 * SECOND));
     }
 
     #[test]
     fn a_new_login_renews_contact_once_the_battery_was_good() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.expect_charge(now);
-        dock_state.poll(true, now + 30 * SECOND);
-        dock_state.poll(false, now + 31 * SECOND);
-        dock_state.login(true, true, now + 40 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        let (mut tracker, now) = on_contact();
+        tracker.expect_charge(now);
+        tracker.poll(true, now + 30 * SECOND);
+        tracker.poll(false, now + 31 * SECOND);
+        tracker.login(true, true, now + 40 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
     }
 
     #[test]
     fn expired_contact_is_not_believed_at_the_next_login_while_low() {
-        let (mut dock_state, now) = on_contact();
+        let (mut tracker, now) = on_contact();
         assert_eq!(
-            dock_state.poll(true, now + 30 * SECOND),
+            tracker.poll(true, now + 30 * SECOND),
             Some(Contradiction::Contact)
         );
-        assert!(dock_state.has_contact());
-        dock_state.login(true, true, now + 31 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        assert!(tracker.has_contact());
+        tracker.login(true, true, now + 31 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn contact_reported_after_its_expiry_has_new_time() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.docked(now + 10 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
-        dock_state.docked(now + 30 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 60 * SECOND));
+        let (mut tracker, now) = on_contact();
+        tracker.docked(now + 10 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 30 * SECOND));
+        tracker.docked(now + 30 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 60 * SECOND));
     }
 
     #[test]
     fn charging_that_ends_on_the_contacts_may_resume_in_time() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        assert_eq!(dock_state.next_deadline(true), None);
-        dock_state.power(false, now + 100 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 130 * SECOND));
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        assert_eq!(tracker.next_deadline(true), None);
+        tracker.power(false, now + 100 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 130 * SECOND));
     }
 
     #[test]
     fn an_unconfirmed_undocking_clears_contact() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.leave_station(20 * SECOND, now);
-        assert!(dock_state.has_contact());
-        dock_state.poll(false, now + 20 * SECOND);
-        assert!(!dock_state.has_contact());
+        let (mut tracker, now) = on_contact();
+        tracker.leave_station(20 * SECOND, now);
+        assert!(tracker.has_contact());
+        tracker.poll(false, now + 20 * SECOND);
+        assert!(!tracker.has_contact());
     }
 
     #[test]
     fn after_a_suspension_an_undocking_is_in_doubt() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.contradict_leaving();
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
-        dock_state.leave_station(20 * SECOND, now);
-        dock_state.contradict_leaving();
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = on_contact();
+        tracker.contradict_leaving();
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
+        tracker.leave_station(20 * SECOND, now);
+        tracker.contradict_leaving();
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 }
