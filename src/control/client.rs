@@ -275,6 +275,9 @@ pub enum AskError {
     /// An error of the system, or a reply that is not HTTP.
     #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
+    /// The token is not valid in a header field.
+    #[error("the token contains characters that are not allowed in a token")]
+    Token,
     /// A service on another computer denies access.
     #[error("the service denies access: {0}")]
     Denied(String),
@@ -301,14 +304,9 @@ pub struct Remote {
     token: Option<HeaderValue>,
 }
 
-/// The token is not valid in a header field.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the token contains characters that are not allowed in a token")]
-pub struct TokenError;
-
 impl Remote {
     /// A service at this address, with this token.
-    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, TokenError> {
+    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, AskError> {
         let token = token.map(|token| {
             let field = HeaderValue::from_str(&format!("Bearer {token}"));
             field.map(|mut field| {
@@ -316,7 +314,7 @@ impl Remote {
                 field
             })
         });
-        let token = token.transpose().map_err(|_| TokenError)?;
+        let token = token.transpose().map_err(|_| AskError::Token)?;
         Ok(Remote { url, token })
     }
 
@@ -398,6 +396,9 @@ mod tests {
         let url: ServiceUrl = "http://10.0.0.7:7788".parse().unwrap();
         let remote = Remote::new(url.clone(), Some("s3cr3t")).unwrap();
         assert!(!format!("{remote:?}").contains("s3cr3t"));
-        assert_eq!(Remote::new(url, Some("a\nb")).unwrap_err(), TokenError);
+        assert!(matches!(
+            Remote::new(url, Some("a\nb")),
+            Err(AskError::Token)
+        ));
     }
 }

@@ -49,19 +49,16 @@ impl Starter {
         files: GuardianFiles,
     ) -> io::Result<(Starter, io::Result<OwnedFd>)> {
         // The program's file may be replaced while this one runs.
-        let recipe = Recipe {
-            executable: File::open(executable)?,
-            files,
-        };
+        let executable = File::open(executable)?;
         let (lost, losses) = sync_channel(1);
         let (starts, started) = mpsc::channel(1);
-        let (process, first) = match recipe.start() {
+        let (process, first) = match start_process(&executable, &files) {
             Ok((process, socket)) => (Some(process), Ok(socket)),
             Err(error) => (None, Err(error)),
         };
         thread::Builder::new()
             .name("guardian".into())
-            .spawn(move || keep_running(&recipe, process, &losses, &starts))?;
+            .spawn(move || keep_running(&executable, &files, process, &losses, &starts))?;
         Ok((Starter { lost, started }, first))
     }
 
@@ -86,7 +83,8 @@ impl Starter {
 }
 
 fn keep_running(
-    recipe: &Recipe,
+    executable: &File,
+    files: &GuardianFiles,
     mut process: Option<Child>,
     losses: &Receiver<OwnedFd>,
     started: &mpsc::Sender<OwnedFd>,
@@ -109,7 +107,7 @@ fn keep_running(
             return;
         }
         thread::sleep(backoff.step());
-        if let Ok((next, socket)) = recipe.start() {
+        if let Ok((next, socket)) = start_process(executable, files) {
             process = Some(next);
             began = Instant::now();
             if started.blocking_send(socket).is_err() {
@@ -119,29 +117,20 @@ fn keep_running(
     }
 }
 
-/// How to start a guardian.
-#[derive(Debug)]
-struct Recipe {
-    executable: File,
-    files: GuardianFiles,
-}
-
-impl Recipe {
-    fn start(&self) -> io::Result<(Child, OwnedFd)> {
-        let flags = SocketFlags::CLOEXEC;
-        let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
-        let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
-        let child = Command::new(format!("/proc/self/fd/{}", self.executable.as_raw_fd()))
-            .arg0("robot-guardian")
-            .arg(GUARDIAN_ARGUMENT)
-            .arg(path(&self.files.record))
-            .arg(path(&self.files.stop_socket))
-            .env_clear()
-            .current_dir("/")
-            .stdin(Stdio::from(theirs))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()?;
-        Ok((child, ours))
-    }
+fn start_process(executable: &File, files: &GuardianFiles) -> io::Result<(Child, OwnedFd)> {
+    let flags = SocketFlags::CLOEXEC;
+    let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+    let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
+    let child = Command::new(format!("/proc/self/fd/{}", executable.as_raw_fd()))
+        .arg0("robot-guardian")
+        .arg(GUARDIAN_ARGUMENT)
+        .arg(path(&files.record))
+        .arg(path(&files.stop_socket))
+        .env_clear()
+        .current_dir("/")
+        .stdin(Stdio::from(theirs))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()?;
+    Ok((child, ours))
 }

@@ -14,7 +14,7 @@ use tokio::sync::watch;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::writer::Confirmation;
-use super::{LinkError, Options, Reader, Target, Writer, discover};
+use super::{LinkError, Reader, Target, Writer, discover};
 use crate::robot_socket::{self, FormerLink};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -36,6 +36,33 @@ const RESET_TIME: Duration = Duration::from_millis(300);
 /// How long discovery may take to name the connected user while a stop is owed, and else.
 const HURRIED_WHO: Duration = Duration::from_millis(200);
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Time limits of connecting, logging in and giving up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The longest wait for a TCP connection, name lookup included.
+    pub connect_timeout: Duration,
+    /// The longest wait, from the login on, for AUTH_REPLY and the first POWER.
+    pub login_timeout: Duration,
+    /// The pause before the first reconnect after a lost link.
+    pub first_pause: Duration,
+    /// Pauses grow up to this.
+    pub longest_pause: Duration,
+    /// A write that the robot does not acknowledge within this time means a dead link.
+    pub dead_after: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            connect_timeout: Duration::from_secs(5),
+            login_timeout: Duration::from_secs(10),
+            first_pause: Duration::from_millis(500),
+            longest_pause: Duration::from_secs(30),
+            dead_after: Duration::from_secs(3),
+        }
+    }
+}
 
 /// A robot that has accepted the login, has sent its battery level, and whose tracks were told to
 /// stop.
