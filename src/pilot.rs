@@ -440,19 +440,15 @@ impl Pilot {
 
     /// Asks a silent robot for a sign of life, and ends the link if it stays silent.
     fn check_silence(&mut self) -> Result<(), LinkError> {
-        if self.writer.is_none() {
+        let Some(writer) = &mut self.writer else {
             return Ok(());
-        }
+        };
         match self.silence.poll(Instant::now()) {
-            Some(SilenceAction::Ask) => match &mut self.writer {
-                Some(writer) => Ok(writer.ask(Instant::now())?),
-                None => Ok(()),
-            },
-            Some(SilenceAction::Gone(silence)) => {
-                let silence = silence.as_secs();
-                let reason = format!("nothing received from the robot for {silence} s");
-                Err(LinkError::ClosedHere(reason))
-            }
+            Some(SilenceAction::Ask) => writer.ask(Instant::now()),
+            Some(SilenceAction::Gone(silence)) => Err(LinkError::ClosedHere(format!(
+                "nothing received from the robot for {} s",
+                silence.as_secs()
+            ))),
             None => Ok(()),
         }
     }
@@ -636,7 +632,7 @@ impl Pilot {
             self.debt.ask_at_once(now);
             return self.check_execution();
         }
-        Ok(writer.ask(now)?)
+        writer.ask(now)
     }
 
     /// The events that tell a behaviour the state of a connected robot.

@@ -17,7 +17,7 @@ use crate::behaviour::{
 use crate::check;
 use crate::clock::or_never;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{AgentEvent, BehaviourId, EndReason, Priority};
+use crate::robot::{AgentEvent, BehaviourId, EndReason};
 use crate::script::ScriptExit;
 
 struct Loaded {
@@ -33,13 +33,9 @@ pub(super) struct RestartLoop {
     stop: Handle,
     by: BehaviourId,
     role: Role,
-    priority: Priority,
-    /// Holds the text that runs, or ran last.
-    launch: Launch,
-    checked: bool,
-    policy: RestartPolicy,
+    /// Its `launch` holds the text that runs, or ran last.
+    behaviour: Behaviour,
     restarts: RestartTracker,
-    reloads: Option<mpsc::Receiver<Vec<u8>>>,
     /// The last saved text cannot be loaded: the one before it is not started again.
     outdated: bool,
 }
@@ -50,25 +46,21 @@ impl RestartLoop {
         stop: Handle,
         by: BehaviourId,
         role: Role,
-        plan: Behaviour,
+        behaviour: Behaviour,
     ) -> RestartLoop {
         RestartLoop {
             context,
             stop,
             by,
             role,
-            priority: plan.priority,
-            restarts: RestartTracker::new(plan.restart, plan.launch.options.seed),
-            launch: plan.launch,
-            checked: plan.checked,
-            policy: plan.restart,
-            reloads: plan.reloads,
+            restarts: RestartTracker::new(behaviour.restart, behaviour.launch.options.seed),
+            behaviour,
             outdated: false,
         }
     }
 
     pub(super) fn name(&self) -> &str {
-        &self.launch.options.name
+        &self.behaviour.launch.options.name
     }
 
     pub(super) fn by(&self) -> BehaviourId {
@@ -77,12 +69,12 @@ impl RestartLoop {
 
     /// A text that cannot be loaded may be corrected during the run.
     pub(super) fn is_watched(&self) -> bool {
-        self.reloads.is_some()
+        self.behaviour.reloads.is_some()
     }
 
     /// Lets a host load the text; it does not run yet.
     pub(super) async fn prepare(&self) -> Result<Prepared, ScriptExit> {
-        let source = self.launch.source.clone();
+        let source = self.behaviour.launch.source.clone();
         self.load(source).await.map(|loaded| loaded.host)
     }
 
@@ -102,7 +94,7 @@ impl RestartLoop {
                 Some(loaded) => Ok(self.adopt(loaded)),
                 None => match self.decide_next(&exit).await {
                     Some(next) => next,
-                    None => return (self.launch.options.name, exit),
+                    None => return (self.behaviour.launch.options.name, exit),
                 },
             };
         }
@@ -129,7 +121,7 @@ impl RestartLoop {
                     handle.stop(reason);
                 }
                 exit = &mut life => break exit,
-                Some(source) = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => {
+                Some(source) = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => {
                     loading = Some(self.load(source));
                 }
                 loaded = or_never(loading.as_mut()) => {
@@ -173,7 +165,7 @@ impl RestartLoop {
         tokio::select! {
             biased;
             _ = self.stop.stopped() => return None,
-            Some(source) = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => {
+            Some(source) = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => {
                 return self.wait_for_fix(Some(source)).await.map(Ok);
             }
             () = sleep(pause) => {}
@@ -209,7 +201,7 @@ impl RestartLoop {
 
     /// The limit of restarts, such as `of 5 within 600 s`.
     fn limits(&self) -> String {
-        match self.policy {
+        match self.behaviour.restart {
             RestartPolicy::Never => String::new(),
             RestartPolicy::OnFailure(restarts) => format!(
                 "of {} within {} s",
@@ -237,7 +229,7 @@ impl RestartLoop {
                 None => tokio::select! {
                     biased;
                     _ = self.stop.stopped() => return None,
-                    source = or_never(self.reloads.as_mut().map(mpsc::Receiver::recv)) => source?,
+                    source = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => source?,
                 },
             };
             let loading = self.load(source);
@@ -260,7 +252,7 @@ impl RestartLoop {
 
     /// Logs whether a saved text could be loaded, and returns it if so.
     fn accept(&mut self, loaded: Result<Loaded, ScriptExit>, meanwhile: &str) -> Option<Loaded> {
-        let behaviour = &self.launch.options.name;
+        let behaviour = &self.behaviour.launch.options.name;
         self.outdated = loaded.is_err();
         match loaded {
             Ok(loaded) => {
@@ -280,7 +272,7 @@ impl RestartLoop {
 
     /// Adopts a new text, and forgets the earlier failures.
     fn adopt(&mut self, loaded: Loaded) -> Prepared {
-        self.launch.source = loaded.source;
+        self.behaviour.launch.source = loaded.source;
         self.restarts.forget();
         loaded.host
     }
@@ -288,12 +280,12 @@ impl RestartLoop {
     fn load(&self, source: Vec<u8>) -> Loading {
         let context = self.context.clone();
         let by = self.by;
-        let priority = self.priority;
+        let priority = self.behaviour.priority;
         let launch = Launch {
             source: source.clone(),
-            ..self.launch.clone()
+            ..self.behaviour.launch.clone()
         };
-        let checked = self.checked;
+        let checked = self.behaviour.checked;
         Box::pin(async move {
             if checked {
                 // Checking a long text takes time and must not block this runtime.
