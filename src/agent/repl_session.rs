@@ -106,8 +106,7 @@ impl RunningSession {
         let (lines, mut messages, repl_channel) = ReplChannel::new();
         let supervisor = self.start_behaviour(repl_channel).await?;
         let handle = Handle::default();
-        let core = self.context.core.clone();
-        let mut running = pin!(supervisor.run(handle.clone(), &core));
+        let mut running = pin!(supervisor.run(handle.clone()));
         let _ = sink.send(PromptMessage::Ready).await;
         loop {
             tokio::select! {

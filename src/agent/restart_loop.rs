@@ -107,9 +107,8 @@ impl RestartLoop {
             behaviour: self.name().to_owned(),
         });
         let handle = Handle::default();
-        let core = self.context.core.clone();
         let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;
-        let mut life = pin!(supervisor.run(handle.clone(), &core));
+        let mut life = pin!(supervisor.run(handle.clone()));
         let mut loading = None;
         let mut successor = None;
         let mut stopping = false;

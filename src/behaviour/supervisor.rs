@@ -5,7 +5,6 @@
 use std::time::Duration;
 
 use bytes::Bytes;
-use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
@@ -16,9 +15,7 @@ use super::message::{FromHost, PromptCommand, ToHost};
 use super::process::{EXIT_TIME, HostContext, Prepared, exit};
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
-use crate::robot::{
-    Bus, Detections, EndReason, HostReport, ParamChange, PartialFrame, Pictures, ViewerChannel,
-};
+use crate::robot::{Detections, EndReason, HostReport, ParamChange, PartialFrame, Pictures};
 use crate::script::{Evaluated, LogLine, Output, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
@@ -60,9 +57,8 @@ impl Handle {
 #[derive(Debug)]
 pub struct Supervisor {
     host: Prepared,
-    requests: mpsc::Sender<Request>,
+    context: HostContext,
     inbox: EventReceiver,
-    frames: watch::Receiver<Pictures>,
     last_frame: u64,
     /// The frame passed on before that.
     last_but_one: u64,
@@ -74,10 +70,8 @@ pub struct Supervisor {
     repl_channel: Option<ReplChannel>,
     is_running: bool,
     liveness: Option<Liveness>,
-    viewers: ViewerChannel,
     /// Parameter changes by users.
     param_changes: broadcast::Receiver<ParamChange>,
-    bus: Bus,
 }
 
 impl Supervisor {
@@ -106,9 +100,7 @@ impl Supervisor {
                 None
             },
             host,
-            requests: context.requests,
             inbox,
-            frames: context.frames,
             last_frame: 0,
             last_but_one: 0,
             frame_wanted: false,
@@ -118,15 +110,14 @@ impl Supervisor {
             repl_channel,
             is_running: false,
             param_changes: context.viewers.params().changes(),
-            viewers: context.viewers,
-            bus: context.bus,
+            context,
         }
     }
 
-    /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
-    /// as soon as it has ended.
-    pub async fn run(self, handle: Handle, core: &Runtime) -> ScriptExit {
-        let requests = self.requests.clone();
+    /// Runs the behaviour to its end. The pilot is informed as soon as it has ended.
+    pub async fn run(self, handle: Handle) -> ScriptExit {
+        let core = self.context.core.clone();
+        let requests = self.context.requests.clone();
         let by = self.host.by;
         let served = core.spawn(self.serve_to_the_end(handle));
         let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
@@ -144,8 +135,12 @@ impl Supervisor {
 
     async fn serve_to_the_end(mut self, handle: Handle) -> (Supervisor, Option<ScriptExit>) {
         let exit = self.serve(&handle).await;
-        let _ = self.requests.send(Request::Gone(self.host.by)).await;
-        self.viewers.params().forget(&self.host.name);
+        let _ = self
+            .context
+            .requests
+            .send(Request::Gone(self.host.by))
+            .await;
+        self.context.viewers.params().forget(&self.host.name);
         if self.dropped > 0 {
             warn!(
                 behaviour = %self.host.name,
@@ -256,14 +251,18 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.viewers.send(Detections {
+                return self.context.viewers.send(Detections {
                     behaviour,
                     frame,
                     list,
                 });
             }
             FromHost::Output(Output::Params(params)) => {
-                return self.viewers.params().declare(&self.host.name, params);
+                return self
+                    .context
+                    .viewers
+                    .params()
+                    .declare(&self.host.name, params);
             }
             FromHost::Output(Output::Log(line)) => return self.write(line),
             FromHost::Output(Output::HostReport(report)) => return self.report(report),
@@ -280,7 +279,7 @@ impl Supervisor {
             }
             FromHost::Ready | FromHost::Ended(_) => return,
         };
-        let _ = self.requests.send(request).await;
+        let _ = self.context.requests.send(request).await;
     }
 
     fn write(&mut self, line: LogLine) {
@@ -304,7 +303,7 @@ impl Supervisor {
 
     fn report(&mut self, report: HostReport) {
         match self.host.report_limiter.admit(report, Instant::now()) {
-            Admission::Passed(what) => self.bus.publish(what),
+            Admission::Passed(what) => self.context.bus.publish(what),
             Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,
@@ -317,7 +316,7 @@ impl Supervisor {
 
     /// Passes on the newest frame, unless it was already, or else the received part of the next.
     fn pass_picture(&mut self) {
-        let pictures = self.frames.borrow().clone();
+        let pictures = self.context.frames.borrow().clone();
         let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
             return self.pass_partial(pictures.partial);
         };
@@ -329,7 +328,7 @@ impl Supervisor {
     /// Replaces a damaged frame: passes on the frame before it, unless that one was passed on too
     /// or a newer one has arrived.
     fn pass_previous(&mut self) {
-        let Pictures { newest, before, .. } = self.frames.borrow().clone();
+        let Pictures { newest, before, .. } = self.context.frames.borrow().clone();
         let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
         match before.filter(|frame| still_newest && frame.seq > self.last_but_one) {
             Some(frame) => {

@@ -255,12 +255,11 @@ async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
     let by = BehaviourId(0);
     let priority = Priority(0);
     let host = Prepared::start(&context, by, priority, launch).await;
-    let core = context.core.clone();
     let role = Role::Behaviour;
     let supervisor = Supervisor::register(host.unwrap(), role, context, None).await;
     let handle = Handle::default();
     handle.stop(EndReason::Cancelled);
-    let ended = timeout(WAIT_LIMIT, supervisor.run(handle, &core)).await;
+    let ended = timeout(WAIT_LIMIT, supervisor.run(handle)).await;
     let exit = ended.expect("the stop was lost");
     assert_eq!(exit.reason, EndReason::Cancelled, "{exit:?}");
 }
