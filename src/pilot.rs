@@ -347,9 +347,9 @@ impl Pilot {
             self.handle(Fact::Guarded(guarded))?;
         }
         match interruption {
-            Some(interruption) => {
-                warn!("{interruption}: the robot is stopped first");
-                self.handle(interruption.fact())
+            Some(Interruption { what, fact }) => {
+                warn!("{what}: the robot is stopped first");
+                self.handle(fact)
             }
             None => Ok(()),
         }
