@@ -62,7 +62,6 @@ impl Behaviour {
     }
 }
 
-/// Everything a run needs.
 pub struct Plan {
     /// The behaviours that run from the beginning.
     pub behaviours: Vec<Behaviour>,
@@ -71,11 +70,9 @@ pub struct Plan {
     pub specs: Vec<BehaviourSpec>,
     /// Continue when no behaviour runs.
     pub stays: bool,
-    /// The pilot's settings.
     pub settings: Settings,
     /// How to reach the robot.
     pub connector: Connector,
-    /// How to start hosts.
     pub launcher: Launcher,
     /// Runs the pilot and serves the hosts' pipes: the runtime of a
     /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only runtime.
@@ -151,7 +148,6 @@ impl Agent {
         self.setup.requests()
     }
 
-    /// The frames of the camera.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.setup.frames()
     }

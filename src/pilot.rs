@@ -129,7 +129,6 @@ pub struct Pilot {
     writer: Option<Writer>,
     sessions: Sessions,
     actuators: ActuatorState,
-    /// A person's STOP holds.
     emergency_stop: bool,
     emergency_stop_sent: Option<Instant>,
     silence: Silence,
@@ -166,7 +165,6 @@ pub struct Pilot {
     failed: Repeats<String>,
     /// Present in real time only.
     heartbeat: Option<Heartbeat>,
-    /// Publishes what has happened.
     bus: Bus,
     /// Measures the time from a frame to the motion that behaviours derive from it.
     stopwatch: Stopwatch,

@@ -21,9 +21,7 @@ use crate::script::ScriptExit;
 pub struct ReplSession {
     /// The behaviour, from which each replacement is made; `interactive` in its options.
     pub launch: Launch,
-    /// How to start hosts.
     pub launcher: Launcher,
-    /// Connects to the robot and drives it.
     pub setup: PilotSetup,
     /// The rescue behaviour, if any: see [`rescue`](super::rescue).
     pub rescue: Option<Launch>,

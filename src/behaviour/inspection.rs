@@ -34,7 +34,6 @@ pub struct Inspected {
     pub required: Vec<Required>,
 }
 
-/// Starts inspection processes.
 #[derive(Debug, Clone)]
 pub struct Inspector(Worker);
 

@@ -212,13 +212,10 @@ pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
 /// What hosts need of their agent.
 #[derive(Debug, Clone)]
 pub struct HostContext {
-    /// How to start them.
     pub launcher: Launcher,
     /// Serves their pipes.
     pub core: Runtime,
-    /// The pilot's queue.
     pub requests: mpsc::Sender<Request>,
-    /// The frames of the camera.
     pub frames: watch::Receiver<Pictures>,
     /// How long a host may be silent before it is ended, whether it drives or not. While it drives,
     /// the watchdog is stricter.

@@ -27,7 +27,6 @@ const SLOW_PACE: Duration = Duration::from_secs(60);
 #[derive(Debug)]
 pub(super) struct StoreWriter {
     folder: PathBuf,
-    /// The write in progress.
     writing: Option<Writing>,
     start: fn(PathBuf, Bytes, u64) -> io::Result<Writing>,
     /// The last problem, until [`StoreWriter::take_error`] takes it.

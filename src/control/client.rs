@@ -39,7 +39,6 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(4);
 /// The same for a run on another computer, including name resolution and login.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 
-/// An active run.
 #[derive(Debug, Clone)]
 pub struct Client {
     transport: Transport,
@@ -79,7 +78,6 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
 /// How a run answered a STOP.
 #[derive(Debug)]
 pub struct StoppedRun {
-    /// Its process ID.
     pub pid: u32,
     /// Its state just before; `None` if it hangs.
     pub status: Option<RunStatus>,
@@ -269,7 +267,6 @@ pub enum AskError {
     /// No answer in time.
     #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
     TimedOut(Duration),
-    /// The run ended before it answered.
     #[error("the run has ended")]
     Ended,
     /// An error of the system, or a reply that is not HTTP.
@@ -318,7 +315,6 @@ impl Remote {
         Ok(Remote { url, token })
     }
 
-    /// The address.
     pub fn url(&self) -> &ServiceUrl {
         &self.url
     }

@@ -123,7 +123,6 @@ impl EmergencyStop {
         }
     }
 
-    /// Whether STOP holds.
     pub fn is_on(&self) -> bool {
         *self.on.borrow()
     }

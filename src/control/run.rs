@@ -56,17 +56,12 @@ const PERSON: Priority = Priority(i16::MAX);
 /// The handles through which persons control a run.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Requests to the pilot.
     pub requests: mpsc::Sender<Request>,
-    /// Starts and stops behaviours.
     pub roster: Roster,
-    /// The newest status.
     pub status: watch::Receiver<Status>,
-    /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
     /// Ends a single run after `spykee robot stop`; a service goes on.
     pub end: Option<CancellationToken>,
-    /// A person's STOP.
     pub emergency_stop: EmergencyStop,
     /// The config's settings for the robot's streams.
     pub streams: Streams,

@@ -140,7 +140,6 @@ pub(super) struct Debt {
     link_answers: u32,
     dialled_answers: u32,
     dialling: Dialling,
-    /// When to begin dialling.
     dial_from: Instant,
     outcome: Option<Outcome>,
 }

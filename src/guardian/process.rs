@@ -116,7 +116,6 @@ struct GuardianProcess {
     /// The addresses of that link, or of the last one.
     former: Option<FormerLink>,
     route: Option<Route>,
-    /// A stop is owed.
     owed: bool,
     agent_gone: bool,
     /// Present while this process acts for an agent that is gone, or hangs without a link.

@@ -31,10 +31,8 @@ const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
 /// anew: the kernel's own repetitions come at ever longer intervals.
 const DEAD_AFTER: Duration = Duration::from_millis(1500);
 
-/// What was read.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Received {
-    /// POWER messages.
     pub(super) powers: u32,
     /// [`DebtEvent::LinkClosed`] or [`DebtEvent::LinkBroken`], at the end of the link.
     pub(super) end: Option<DebtEvent>,

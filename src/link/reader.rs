@@ -18,7 +18,6 @@ const GROWTH: usize = 1024;
 /// Data received from the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Incoming {
-    /// A whole message.
     Report(Report),
     /// The first bytes of a frame whose rest is still arriving; at least `GROWTH` bytes more than
     /// the last time.

@@ -68,17 +68,12 @@ impl Default for Options {
 /// stop.
 #[derive(Debug)]
 pub struct Session {
-    /// The login's answer.
     pub accepted: Accepted,
-    /// The first battery level.
     pub power: Power,
-    /// The robot's address.
     pub peer: SocketAddr,
     /// Other reports that came before both answers were there, in order; without video and audio.
     pub early: Vec<Report>,
-    /// Receives from the robot.
     pub reader: Reader,
-    /// Sends to the robot.
     pub writer: Writer,
     /// How it was logged in to.
     pub login: Login,
@@ -257,7 +252,6 @@ impl Answers {
 pub struct AcceptedLogin {
     /// A duplicate of the socket.
     pub socket: Arc<std::net::TcpStream>,
-    /// The robot's address.
     pub peer: SocketAddr,
     /// How it was logged in to.
     pub login: Login,

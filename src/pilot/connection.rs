@@ -31,7 +31,6 @@ pub type Connector = Box<dyn FnMut(Supervision) -> Connecting + Send>;
 pub(super) enum ConnectionEvent {
     /// Connected and logged in; the reader is to be given back to [`Connection::set_up`].
     Up(Box<Session>),
-    /// Something from the robot.
     Incoming(Incoming),
     /// The robot has accepted the login of an attempt; `None`: that link has ended.
     Accepted(Option<AcceptedLogin>),

@@ -82,9 +82,7 @@ const LONGEST_STALL: Duration = Duration::from_secs(3);
 /// What has interrupted the core.
 #[derive(Debug, PartialEq)]
 pub(super) struct Interruption {
-    /// In words.
     pub(super) what: String,
-    /// For the watchdog.
     pub(super) fact: Fact,
 }
 

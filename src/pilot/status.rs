@@ -16,7 +16,6 @@ pub enum LinkState {
     /// The first attempt is under way.
     #[default]
     Connecting,
-    /// Logged in.
     Up,
     /// Was up; reconnecting.
     Lost,
@@ -49,9 +48,7 @@ impl LinkState {
 /// The newest state of robot and watchdog.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Status {
-    /// The link.
     pub link: LinkState,
-    /// The watchdog.
     pub safety: WatchdogState,
     /// The battery, as far as its reports are believed.
     pub battery: Option<Battery>,
@@ -105,7 +102,6 @@ pub struct ActuatorState {
     pub lights: [Option<bool>; 3],
     /// The volume, in percent.
     pub volume: Option<u8>,
-    /// The last sound.
     pub sound: Option<Sound>,
     /// The number of sounds so far: distinguishes repetitions of the same sound.
     pub sounds: u32,

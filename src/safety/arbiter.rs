@@ -162,12 +162,10 @@ impl Arbiter {
         self.claims.retain(|claim| claim.by != by);
     }
 
-    /// Ends a behaviour's claim.
     pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<Act> {
         self.end_unless(|claim| claim.by != by, end)
     }
 
-    /// Ends every claim.
     pub fn clear(&mut self, end: MotionEnd) -> Vec<Act> {
         self.end_unless(|_| false, end)
     }

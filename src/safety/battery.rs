@@ -46,7 +46,6 @@ pub enum BatteryChange {
     Released,
 }
 
-/// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
     /// The last report denies it, or whether it charges is not known.
@@ -71,7 +70,6 @@ pub struct BatteryMonitor {
     told: Option<Instant>,
     /// Reports come, but none has had a level for [`BatteryMonitor::LEVEL_LIFETIME`].
     level_unknown: bool,
-    /// Since when it charges.
     charging_since: Option<Instant>,
     /// It has charged for [`BatteryMonitor::FILL_TIME`], or the robot has reported that it is full.
     filled: bool,
@@ -289,7 +287,6 @@ impl BatteryMonitor {
         self.filled || self.level.is_some_and(|(level, _)| level >= self.ok)
     }
 
-    /// Whether the battery charges.
     pub fn charging(&self) -> Charging {
         self.charging
     }

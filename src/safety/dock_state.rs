@@ -23,7 +23,6 @@ pub enum DockState {
     Charging,
     /// On the station, by its own report, and not charging.
     ContactReported,
-    /// Off the station.
     Left,
     /// On the station or off it.
     #[default]
@@ -75,7 +74,6 @@ impl DockTracker {
     /// 1.
     const JUST_LEFT: Duration = Duration::from_secs(10);
 
-    /// Begins with [`DockState::Unknown`].
     pub fn new(charge_timeout: Duration) -> DockTracker {
         DockTracker {
             dock_state: DockState::Unknown,
@@ -88,7 +86,6 @@ impl DockTracker {
         }
     }
 
-    /// Where the robot is.
     pub fn dock_state(&self) -> DockState {
         self.dock_state
     }
@@ -156,7 +153,6 @@ impl DockTracker {
         self.left_at = left;
     }
 
-    /// Handles a battery report.
     pub fn power(&mut self, charging: bool, now: Instant) {
         if charging {
             (self.dock_state, self.charge_due) = (DockState::Charging, None);

@@ -16,11 +16,8 @@ pub enum DockAction {
     Find,
     /// Send BASE_FIND_CANCEL and stop the tracks.
     Cancel,
-    /// Drive backwards.
     Reverse,
-    /// Stop the tracks.
     Stop,
-    /// Leave the station.
     Undock,
 }
 
@@ -49,14 +46,21 @@ impl ActiveDocking {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DockingPhase {
     /// The robot searches on its own.
-    Searching { until: Instant },
+    Searching {
+        until: Instant,
+    },
     /// On the station; charging has not begun.
-    AwaitingCharge { until: Instant },
+    AwaitingCharge {
+        until: Instant,
+    },
     /// Undocking before another attempt.
-    Leaving { until: Instant },
+    Leaving {
+        until: Instant,
+    },
     /// Driving backwards before another attempt.
-    BackingOff { until: Instant },
-    /// Finished.
+    BackingOff {
+        until: Instant,
+    },
     Over(DockOutcome),
 }
 
@@ -113,7 +117,6 @@ impl Docking {
         }
     }
 
-    /// Handles an ENGINE message.
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
             (
@@ -154,7 +157,6 @@ impl Docking {
         matches!(self.phase, DockingPhase::Searching { .. })
     }
 
-    /// Handles timeouts.
     pub fn poll(&mut self, now: Instant) -> Vec<DockAction> {
         if self.next_deadline().is_none_or(|due| due > now) {
             return vec![];
@@ -174,7 +176,6 @@ impl Docking {
         }
     }
 
-    /// Cancels the docking.
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],

@@ -28,11 +28,9 @@ pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alar
 /// What begins, or follows a failed search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HomingStep {
-    /// A search.
     Search,
     /// A grant of the tracks.
     DriveGrant {
-        /// The grantee.
         by: BehaviourId,
         /// How long it may drive.
         time: Duration,
@@ -47,9 +45,7 @@ pub enum HomingStep {
 enum HomingPhase {
     /// The robot searches on its own.
     Searching,
-    /// The tracks are granted.
     Granted(DriveGrant),
-    /// The watchdog drives.
     Driving(BlindMove),
     Waiting {
         until: Instant,

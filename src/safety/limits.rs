@@ -98,11 +98,8 @@ pub enum LimitsError {
     /// The levels of the battery are not in order.
     #[error("watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})")]
     Levels {
-        /// As given.
         critical: Percent,
-        /// As given.
         low: Percent,
-        /// As given.
         ok: Percent,
     },
     /// A rescue that is neither a known keyword nor a script.

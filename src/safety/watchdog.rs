@@ -46,7 +46,6 @@ struct Leaving {
 pub struct DockReport {
     /// The behaviour that asked for it first; `None` for the watchdog's own docking.
     pub by: Option<BehaviourId>,
-    /// Its outcome.
     pub outcome: DockOutcome,
 }
 
@@ -270,7 +269,6 @@ impl Watchdog {
         self.battery_monitor.low()
     }
 
-    /// Where the robot is.
     pub fn dock_state(&self) -> DockState {
         self.dock_tracker.dock_state()
     }
