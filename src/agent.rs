@@ -19,9 +19,7 @@ use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
 pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
-pub use self::running_pilot::{
-    ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
-};
+pub use self::running_pilot::{PilotSetup, RESCUE_NAME, RunningPilot, rescue};
 use crate::behaviour::{Launch, Launcher, RestartPolicy};
 use crate::clock::or_never;
 use crate::link::LinkError;

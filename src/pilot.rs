@@ -118,6 +118,9 @@ pub struct Settings {
     pub seed: u64,
     /// The timeouts of the link.
     pub link: crate::link::Options,
+    /// Whether the first connection is repeated, like each later one, until the robot accepts the
+    /// login; only a refused password ends that.
+    pub waits: bool,
     /// Which streams of the robot are on, and when.
     pub streams: Streams,
 }
@@ -163,6 +166,8 @@ pub struct Pilot {
     ending: Option<Ending>,
     /// Why attempts to connect have failed, and when each reason was last logged.
     failed: Repeats<String>,
+    /// How many attempts have failed before the first connection.
+    attempts: u32,
     /// Present in real time only.
     heartbeat: Option<Heartbeat>,
     bus: Bus,
@@ -210,6 +215,7 @@ impl Pilot {
             released: false,
             ending: None,
             failed: Repeats::new(FAILED_EVERY),
+            attempts: 0,
             heartbeat: None,
             bus: Bus::default(),
             stopwatch: Stopwatch::default(),
@@ -233,8 +239,8 @@ impl Pilot {
     /// stop has come.
     ///
     /// # Errors
-    /// [`LinkError`] if the very first connection fails, so that a person can read it at the start.
-    /// Later failures are retried forever.
+    /// [`LinkError`] if the very first connection fails, so that a person can read it at the start,
+    /// unless the settings say to wait. Later failures are retried forever.
     pub async fn run(
         mut self,
         connector: Connector,
@@ -273,7 +279,9 @@ impl Pilot {
                 event = connection.next() => match event {
                     // A person can read why the very first connection has failed.
                     ConnectionEvent::Failed(error)
-                        if self.info.is_none() && self.ending.is_none() =>
+                        if self.info.is_none()
+                            && self.ending.is_none()
+                            && (error.is_final() || !settings.waits) =>
                     {
                         self.release_guardian();
                         return Err(error);
@@ -510,6 +518,7 @@ impl Pilot {
             delays: self.writer.as_mut().and_then(Writer::delays),
             actuators: self.actuators,
             frames: self.status.borrow().frames,
+            attempts: self.attempts,
         };
         self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
@@ -557,6 +566,7 @@ impl Pilot {
             ConnectionEvent::Failed(error) => {
                 // If the robot had accepted the login, the last words were sent.
                 self.release_guardian();
+                self.attempts += u32::from(self.info.is_none());
                 self.log_failed_attempt(&error.to_string());
                 Ok(())
             }
@@ -743,6 +753,9 @@ impl Pilot {
     /// Logs each reason at long intervals: a robot may be out of reach for weeks.
     fn log_failed_attempt(&mut self, error: &str) {
         match self.failed.record(error.to_owned(), Instant::now()) {
+            Some(0) if self.info.is_none() => {
+                info!("{error}; trying until it answers, Ctrl-C ends");
+            }
             Some(0) => warn!("still not connected: {error}"),
             Some(repeated) => warn!(repeated, "still not connected: {error}"),
             None => debug!("still not connected: {error}"),

@@ -4,15 +4,11 @@
 
 use std::io;
 use std::pin::pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use rand::SeedableRng as _;
-use rand::rngs::StdRng;
 use tokio::runtime;
-use tokio::sync::{Mutex, mpsc, watch};
-use tokio::time::{sleep, timeout};
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
@@ -20,11 +16,10 @@ use tracing::{info, warn};
 use super::restart_loop::RestartLoop;
 use super::{AgentError, Behaviour};
 use crate::behaviour::{Handle, HostContext, Launch, Launcher, Library, RestartPolicy};
-use crate::link::{LinkError, Options, Session, Supervision};
+use crate::link::LinkError;
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
 };
-use crate::rate_limit::Backoff;
 use crate::robot::channel::{MAX_REQUESTS, Request, Role};
 use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::safety::Rescue;
@@ -341,65 +336,5 @@ fn behaviour(launch: Launch) -> Behaviour {
         checked: false,
         restart: RestartPolicy::OnFailure(Default::default()),
         reloads: None,
-    }
-}
-
-/// Counts the failed attempts to reach a robot. Cheap to clone.
-#[derive(Debug, Clone, Default)]
-pub struct ConnectAttempts(Arc<AtomicU32>);
-
-impl ConnectAttempts {
-    /// The number of failed attempts.
-    pub fn count(&self) -> u32 {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// Returns a connector whose first call repeats `connector`, with growing pauses, until the robot
-/// accepts the login; only a refused password ends that. Later calls make one attempt each.
-pub fn retry_until_connected(
-    connector: Connector,
-    seed: u64,
-    attempts: ConnectAttempts,
-) -> Connector {
-    // The pilot makes one call after the other, so this lock is never contended.
-    let connector = Arc::new(Mutex::new(connector));
-    let mut first = true;
-    Box::new(move |supervision| {
-        let connector = connector.clone();
-        let attempts = attempts.clone();
-        let is_first = std::mem::take(&mut first);
-        Box::pin(async move {
-            let mut connector = connector.lock().await;
-            if is_first {
-                connect_with_retries(&mut connector, supervision, seed, &attempts).await
-            } else {
-                (*connector)(supervision).await
-            }
-        })
-    })
-}
-
-async fn connect_with_retries(
-    connector: &mut Connector,
-    supervision: Supervision,
-    seed: u64,
-    attempts: &ConnectAttempts,
-) -> Result<Session, LinkError> {
-    let usual = Options::default();
-    let mut backoff = Backoff::new(usual.first_pause, usual.longest_pause);
-    let mut rng = StdRng::seed_from_u64(seed);
-    let mut logged = String::new();
-    loop {
-        let error = match connector(supervision.clone()).await {
-            Err(error) if !error.is_final() => error.to_string(),
-            answered => return answered,
-        };
-        attempts.0.fetch_add(1, Ordering::Relaxed);
-        if error != logged {
-            tracing::info!("{error}; trying until it answers, Ctrl-C ends");
-            logged = error;
-        }
-        sleep(backoff.next(&mut rng)).await;
     }
 }

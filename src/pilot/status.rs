@@ -65,6 +65,8 @@ pub struct Status {
     /// Frames received so far, damaged ones included. A change of this count alone does not wake
     /// receivers.
     pub frames: u64,
+    /// How many attempts to connect have failed before the first connection.
+    pub attempts: u32,
     /// A person has stopped the robot and not released it yet.
     pub emergency_stop: bool,
     /// What is known of the last stop.

@@ -333,6 +333,7 @@ fn agent_that_is_told_to_reload() {
                 simulated: true,
                 seed: 1,
                 link,
+                waits: false,
                 streams: Default::default(),
             },
             connector: Box::new(move |words| {
