@@ -188,7 +188,7 @@ impl GuardianProcess {
         let agent = stdin();
         let mut fds = Vec::with_capacity(4);
         if let Some(link) = &self.link {
-            fds.push(PollFd::new(link, link.interest(self.agent_gone)));
+            fds.push(PollFd::new(link, link.stream.interest(self.agent_gone)));
         }
         if !self.agent_gone {
             fds.push(PollFd::new(&agent, PollFlags::IN));
@@ -299,8 +299,7 @@ impl GuardianProcess {
         if let Some(pending) = self.dead_man.poll(now) {
             self.write_in_place_of_agent(&pending.bytes, pending.closes);
         }
-        let works = self.link.as_mut().is_none_or(RobotLink::flush);
-        if !works {
+        if self.link.as_mut().is_some_and(|link| !link.stream.flush()) {
             self.lose_link();
         }
         if self.pursuit.is_none() && self.abandoned_from().is_some_and(|from| from <= now) {
@@ -444,7 +443,7 @@ impl GuardianProcess {
     fn write_on_dialled(&mut self, bytes: &[u8]) {
         let pursuit = self.pursuit.as_mut();
         if let Some(dialled) = pursuit.and_then(|pursuit| pursuit.dialled.as_mut()) {
-            dialled.write(bytes);
+            dialled.stream.write(bytes);
         }
     }
 
@@ -455,10 +454,10 @@ impl GuardianProcess {
             return;
         };
         if let Some(link) = &mut self.link {
-            let flushed = link.flush();
+            let flushed = link.stream.flush();
             let received = link.read();
             // A POWER that was on its way before the robot had the questions is no answer.
-            if pursuit.debt.waits_for_first_power() || link.is_acknowledged() {
+            if pursuit.debt.waits_for_first_power() || link.stream.is_acknowledged() {
                 let powers = DebtEvent::LinkPowers(received.powers);
                 pursuit.debt.handle(powers, now);
             }
@@ -478,7 +477,7 @@ impl GuardianProcess {
         for event in dialled.progress() {
             if event == DebtEvent::InUse
                 && let Some(link) = &self.link
-                && !link.is_acknowledged()
+                && !link.stream.is_acknowledged()
             {
                 link.reset();
             }
@@ -502,7 +501,7 @@ impl GuardianProcess {
             _ => with_questions(pending.bytes),
         };
         // A broken link is noticed when it is read.
-        link.write(&bytes);
+        link.stream.write(&bytes);
     }
 
     fn dial(&mut self) {
@@ -563,12 +562,10 @@ impl GuardianProcess {
 
 impl Pursuit {
     fn poll(&mut self, link: Option<&RobotLink>) -> Option<DebtAct> {
+        let dialled = self.dialled.as_ref();
         let acknowledged = Acknowledged {
-            link: link.is_some_and(RobotLink::is_acknowledged),
-            dialled: self
-                .dialled
-                .as_ref()
-                .is_some_and(DialledLink::is_acknowledged),
+            link: link.is_some_and(|link| link.stream.is_acknowledged()),
+            dialled: dialled.is_some_and(|dialled| dialled.stream.is_acknowledged()),
         };
         self.debt.poll(acknowledged, Instant::now())
     }

@@ -41,7 +41,7 @@ pub(super) struct Received {
 /// The link that the agent has used.
 #[derive(Debug)]
 pub(super) struct RobotLink {
-    stream: Stream,
+    pub(super) stream: Stream,
     /// The last bytes read, which may be the beginning of a POWER.
     tail: Vec<u8>,
 }
@@ -84,22 +84,17 @@ impl RobotLink {
         Received { powers, end }
     }
 
-    /// Writes without blocking; what is not accepted now follows with [`RobotLink::flush`]. The
+    /// Writes without blocking; what is not accepted now follows with [`Stream::flush`]. The
     /// write half is closed if messages could be mixed otherwise: if `closes`, or if the bytes were
     /// not accepted at once, so that an agent that resumes may write in between. The read half
     /// stays open: closed, it would make the kernel reset the connection when the robot sends
     /// something, and drop what is not delivered yet.
     pub(super) fn write_in_place_of_agent(&mut self, bytes: &[u8], closes: bool) -> bool {
-        let alive = self.write(bytes);
+        let alive = self.stream.write(bytes);
         if closes || !self.stream.unsent.is_empty() {
             self.half_close();
         }
         alive
-    }
-
-    /// The same on a link that nobody else writes to. Returns whether the link still works.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
-        self.stream.write(bytes)
     }
 
     /// Closes the write half when everything is written.
@@ -113,24 +108,11 @@ impl RobotLink {
         self.stream.closes
     }
 
-    pub(super) fn flush(&mut self) -> bool {
-        self.stream.flush()
-    }
-
-    pub(super) fn is_acknowledged(&self) -> bool {
-        self.stream.is_acknowledged()
-    }
-
     /// Ends the connection at once, at the robot too if it is in reach: a robot that believes in it
     /// refuses other logins.
     pub(super) fn reset(&self) {
         // Disconnects whoever else holds the socket. A failure leaves it as it is.
         let _ = connect_unspec(&self.stream.socket);
-    }
-
-    /// What to wait for, besides the end of the connection.
-    pub(super) fn interest(&self, reads: bool) -> PollFlags {
-        self.stream.interest(reads)
     }
 }
 
@@ -149,7 +131,7 @@ fn powers_in(bytes: &[u8]) -> u32 {
 /// A connection that the guardian has opened itself.
 #[derive(Debug)]
 pub(super) struct DialledLink {
-    stream: Stream,
+    pub(super) stream: Stream,
     connected: bool,
     decoder: Decoder,
     accepted: bool,
@@ -184,15 +166,6 @@ impl DialledLink {
             accepted: false,
             obeys: false,
         })
-    }
-
-    /// A failure is noticed by [`DialledLink::progress`].
-    pub(super) fn write(&mut self, bytes: &[u8]) {
-        self.stream.write(bytes);
-    }
-
-    pub(super) fn is_acknowledged(&self) -> bool {
-        self.stream.is_acknowledged()
     }
 
     pub(super) fn interest(&self) -> PollFlags {
@@ -257,7 +230,7 @@ impl AsFd for DialledLink {
 
 /// A socket that does not block, with the bytes that it has not accepted yet.
 #[derive(Debug)]
-struct Stream {
+pub(super) struct Stream {
     socket: OwnedFd,
     unsent: Vec<u8>,
     /// Close the write half when everything is written.
@@ -291,13 +264,14 @@ impl Stream {
         None
     }
 
-    fn write(&mut self, bytes: &[u8]) -> bool {
+    /// Returns whether the connection still works.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
         self.unsent.extend_from_slice(bytes);
         self.flush()
     }
 
     /// Returns whether the connection still works.
-    fn flush(&mut self) -> bool {
+    pub(super) fn flush(&mut self) -> bool {
         while !self.unsent.is_empty() {
             let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
             match send(&self.socket, &self.unsent, flags) {
@@ -316,11 +290,12 @@ impl Stream {
         true
     }
 
-    fn is_acknowledged(&self) -> bool {
+    pub(super) fn is_acknowledged(&self) -> bool {
         self.unsent.is_empty() && unacknowledged(&self.socket).is_none_or(|count| count == 0)
     }
 
-    fn interest(&self, reads: bool) -> PollFlags {
+    /// What to wait for, besides the end of the connection.
+    pub(super) fn interest(&self, reads: bool) -> PollFlags {
         let mut interest = PollFlags::empty();
         interest.set(PollFlags::IN, reads);
         interest.set(PollFlags::OUT, !self.unsent.is_empty());
@@ -361,8 +336,8 @@ mod tests {
             });
             let mut link = RobotLink::new(near.into());
             assert!(link.write_in_place_of_agent(&vec![7; len], closes));
-            while link.interest(false) != PollFlags::empty() {
-                assert!(link.flush());
+            while link.stream.interest(false) != PollFlags::empty() {
+                assert!(link.stream.flush());
                 std::thread::yield_now();
             }
             let mut far = reader.join().unwrap();
@@ -422,14 +397,14 @@ mod tests {
     #[test]
     fn a_reset_reaches_a_robot_that_has_not_taken_everything() {
         let (mut link, mut robot) = pair();
-        assert!(link.write(&vec![7; LONG]));
+        assert!(link.stream.write(&vec![7; LONG]));
         link.reset();
         robot
             .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
         let error = robot.read_to_end(&mut Vec::new()).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::ConnectionReset);
-        assert!(!link.write(b"more"));
+        assert!(!link.stream.write(b"more"));
     }
 
     #[test]
