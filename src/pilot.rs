@@ -88,15 +88,6 @@ struct Ending {
     asked: Option<Instant>,
 }
 
-impl Ending {
-    fn new(now: Instant) -> Ending {
-        Ending {
-            until: now + DELIVERY,
-            asked: None,
-        }
-    }
-}
-
 /// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
 pub struct Shutdown {
@@ -265,7 +256,10 @@ impl Pilot {
                 biased;
                 () = until(end) => break,
                 () = shutdown.close_link.cancelled(), if self.ending.is_none() => {
-                    self.ending = Some(Ending::new(Instant::now()));
+                    self.ending = Some(Ending {
+                        until: Instant::now() + DELIVERY,
+                        asked: None,
+                    });
                     self.serve_last(&mut requests)
                 }
                 () = shutdown.stop_motion.cancelled(), if !motion_stopped => {

@@ -95,7 +95,11 @@ impl Supervisor {
         let limit = context.longest_silence;
         Supervisor {
             liveness: if host.in_real_time {
-                Some(Liveness::new(limit))
+                Some(Liveness {
+                    limit,
+                    last_message: None,
+                    grace: None,
+                })
             } else {
                 None
             },
@@ -406,15 +410,6 @@ struct Liveness {
 }
 
 impl Liveness {
-    /// Starts to count at the first call of [`Liveness::reset`].
-    fn new(limit: Duration) -> Liveness {
-        Liveness {
-            limit,
-            last_message: None,
-            grace: None,
-        }
-    }
-
     fn reset(&mut self) {
         (self.last_message, self.grace) = (Some(Instant::now()), None);
     }

@@ -78,7 +78,13 @@ impl EmergencyStop {
         }
         let on = watch::Sender::new(kept);
         let (jobs, received) = mpsc::channel(MAX_JOBS);
-        let file = StopFile::new(data, &on, kept);
+        let file = StopFile {
+            data: data.to_owned(),
+            wanted: on.subscribe(),
+            kept: watch::Sender::new(Some(kept)),
+            spare: format!("{SPARE}{}", std::process::id()),
+            new: !data.exists(),
+        };
         let kept = file.kept.subscribe();
         let thread = SideThread::start("stop", |stop| file.follow(received, stop))
             .map_err(|error| warn!("STOP will hold in this program only: {error}"));
@@ -237,16 +243,6 @@ struct StopFile {
 }
 
 impl StopFile {
-    fn new(data: &Path, on: &watch::Sender<bool>, kept: bool) -> StopFile {
-        StopFile {
-            data: data.to_owned(),
-            wanted: on.subscribe(),
-            kept: watch::Sender::new(Some(kept)),
-            spare: format!("{SPARE}{}", std::process::id()),
-            new: !data.exists(),
-        }
-    }
-
     /// Does the jobs until the program ends. Retries what has failed, and restores a file that
     /// another robot's run or tool has removed from a shared folder.
     async fn follow(

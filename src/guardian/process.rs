@@ -74,7 +74,18 @@ pub fn guardian_main(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     };
     let record = Record::new(path());
     let stop_socket = path().and_then(|path| StopSocket::bind(path).ok());
-    let mut process = GuardianProcess::new(record, stop_socket);
+    let mut process = GuardianProcess {
+        dead_man: DeadMan::default(),
+        link: None,
+        former: None,
+        route: None,
+        owed: false,
+        agent_gone: false,
+        pursuit: None,
+        stop_socket,
+        record,
+        buffer: vec![0; MAX_MESSAGE_LEN],
+    };
     process.run();
     ExitCode::SUCCESS
 }
@@ -137,21 +148,6 @@ struct Pursuit {
 }
 
 impl GuardianProcess {
-    fn new(record: Record, stop_socket: Option<StopSocket>) -> GuardianProcess {
-        GuardianProcess {
-            dead_man: DeadMan::default(),
-            link: None,
-            former: None,
-            route: None,
-            owed: false,
-            agent_gone: false,
-            pursuit: None,
-            stop_socket,
-            record,
-            buffer: vec![0; MAX_MESSAGE_LEN],
-        }
-    }
-
     fn run(&mut self) {
         loop {
             let broken = self.wait().unwrap_or_else(|_| {

@@ -65,13 +65,9 @@ impl Restrictions {
 
 /// Quiet hours: which commands are withheld from the robot meanwhile. Motion is not affected.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct QuietHours(Quiet);
+pub(super) struct QuietHours(pub(super) Quiet);
 
 impl QuietHours {
-    pub(super) fn new(quiet: Quiet) -> QuietHours {
-        QuietHours(quiet)
-    }
-
     /// Whether a behaviour's command may be sent. A rescue behaviour may need the headlight to see
     /// the way home, and a person who sends commands knows what time it is.
     pub(super) fn allows(self, role: Role, command: &Command) -> bool {
@@ -393,7 +389,7 @@ mod tests {
     #[test]
     fn quiet_hours_withhold_sounds_and_headlight_from_scripts_but_no_motion() {
         for quiet in [Quiet::Scripts, Quiet::WithAlarm] {
-            let quiet_hours = QuietHours::new(quiet);
+            let quiet_hours = QuietHours(quiet);
             let scripts = |command: &Command| quiet_hours.allows(Role::Behaviour, command);
             assert!(!NOISE.iter().any(scripts));
             assert!(
@@ -416,8 +412,8 @@ mod tests {
     fn the_alarm_sounds_at_night_only_if_the_config_says_so() {
         let play = |command: &&Command| matches!(command, Command::Play(_));
         let sound = ALARM.iter().find(play).unwrap();
-        assert!(QuietHours::new(Quiet::Scripts).allows_alarm(sound));
-        assert!(!QuietHours::new(Quiet::WithAlarm).allows_alarm(sound));
+        assert!(QuietHours(Quiet::Scripts).allows_alarm(sound));
+        assert!(!QuietHours(Quiet::WithAlarm).allows_alarm(sound));
     }
 
     const EMPTY: Restrictions = Restrictions {

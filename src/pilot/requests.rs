@@ -160,7 +160,7 @@ impl Pilot {
     }
 
     fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkError> {
-        let quiet_hours = QuietHours::new(quiet);
+        let quiet_hours = QuietHours(quiet);
         if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
             return Ok(());
         }
