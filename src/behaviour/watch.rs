@@ -242,11 +242,11 @@ mod tests {
         let (reloads, mut received) = mpsc::channel(1);
         let watching = tokio::spawn(watched.run(reloads));
         std::fs::write(&file, "two, longer").unwrap();
-        assert_eq!(received.recv().await.unwrap().source, b"two, longer");
+        assert_eq!(received.recv().await.unwrap(), b"two, longer");
         let other = folder.path().join("script.lua~");
         std::fs::write(&other, "three").unwrap();
         std::fs::rename(&other, &file).unwrap();
-        assert_eq!(received.recv().await.unwrap().source, b"three");
+        assert_eq!(received.recv().await.unwrap(), b"three");
         drop(received);
         watching.await.unwrap();
     }

@@ -197,11 +197,10 @@ impl Connection {
         // A robot that takes long to answer must have the time at last.
         let patient = self.hurried_attempts > MANY_ATTEMPTS
             && self.hurried_attempts.is_multiple_of(PATIENT_EVERY);
-        Supervision {
-            hurried: self.hurried && !patient,
-            former: self.former,
-            ..Supervision::new(self.last_words.subscribe())
-        }
+        let mut supervision = Supervision::new(self.last_words.subscribe());
+        supervision.hurried = self.hurried && !patient;
+        supervision.former = self.former;
+        supervision
     }
 
     /// Receives from an open link from now on.

@@ -249,5 +249,5 @@ const LEG: Command = Command::Move {
 };
 
 fn reconnects(acts: &[Act]) -> bool {
-    reconnects(&acts)
+    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
 }

@@ -2,7 +2,6 @@
 //! how a robot with a low battery reacts.
 
 use super::*;
-use crate::robot::DockPlan;
 use crate::wire::{Led, Sound};
 
 #[test]
