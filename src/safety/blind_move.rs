@@ -48,11 +48,14 @@ impl BlindMove {
 
     /// The setpoint of the tracks; `None` once the blind move has ended.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
-        let (left, right) = match self.back {
-            _ if now >= self.until => return None,
-            _ if now < self.turns_until => (-1.0, 1.0),
-            false => (1.0, 1.0),
-            true => (-1.0, -1.0),
+        let (left, right) = if now >= self.until {
+            return None;
+        } else if now < self.turns_until {
+            (-1.0, 1.0)
+        } else if self.back {
+            (-1.0, -1.0)
+        } else {
+            (1.0, 1.0)
         };
         Setpoint::from_percent(left * BlindMove::PERCENT, right * BlindMove::PERCENT)
     }
