@@ -19,10 +19,9 @@ use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
 pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
-pub use self::running_pilot::{
-    ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
-};
-use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
+pub use self::running_pilot::{PilotSetup, RESCUE_NAME, RunningPilot, rescue};
+use crate::behaviour::{Launch, Launcher, RestartPolicy};
+use crate::clock::or_never;
 use crate::link::LinkError;
 use crate::pilot::{Connector, Heartbeat, LinkState, Reactions, Settings, Status};
 use crate::robot::channel::Request;
@@ -47,7 +46,7 @@ pub struct Behaviour {
     /// Delivers new texts of the script, if its file is watched. The behaviour is stopped for each
     /// one that can be loaded, and when it has ended it waits for the next: then only the token or
     /// the time limit ends the run.
-    pub reloads: Option<mpsc::Receiver<Reload>>,
+    pub reloads: Option<mpsc::Receiver<Vec<u8>>>,
 }
 
 impl Behaviour {
@@ -61,7 +60,6 @@ impl Behaviour {
     }
 }
 
-/// Everything a run needs.
 pub struct Plan {
     /// The behaviours that run from the beginning.
     pub behaviours: Vec<Behaviour>,
@@ -70,11 +68,9 @@ pub struct Plan {
     pub specs: Vec<BehaviourSpec>,
     /// Continue when no behaviour runs.
     pub stays: bool,
-    /// The pilot's settings.
     pub settings: Settings,
     /// How to reach the robot.
     pub connector: Connector,
-    /// How to start hosts.
     pub launcher: Launcher,
     /// Runs the pilot and serves the hosts' pipes: the runtime of a
     /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only runtime.
@@ -130,7 +126,7 @@ impl Agent {
         let setup = PilotSetup::new(plan.settings, plan.connector, plan.core, plan.heartbeat)
             .with_bus(plan.bus);
         let status = setup.status();
-        let context = setup.launch_context(plan.launcher.clone());
+        let context = setup.host_context(plan.launcher.clone());
         let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.specs);
         let agent = Agent {
             behaviours: plan.behaviours,
@@ -150,7 +146,6 @@ impl Agent {
         self.setup.requests()
     }
 
-    /// The frames of the camera.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.setup.frames()
     }
@@ -228,7 +223,7 @@ impl Run {
         limit: Option<Duration>,
         stop: &CancellationToken,
     ) -> Result<EndReason, AgentError> {
-        let over = over(limit);
+        let over = or_never(limit.map(sleep));
         tokio::pin!(over);
         loop {
             let alone = self.behaviour_set.is_empty() && !self.stays;
@@ -270,12 +265,5 @@ impl Run {
     async fn abandon(self) {
         drop(self.pilot);
         self.behaviour_set.abandon().await;
-    }
-}
-
-async fn over(limit: Option<Duration>) {
-    match limit {
-        Some(limit) => sleep(limit).await,
-        None => std::future::pending().await,
     }
 }

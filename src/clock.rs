@@ -123,8 +123,13 @@ pub fn every(period: Duration) -> Interval {
 /// Sleeps until the deadline; without one, never returns. Cancel-safe, for the branches of
 /// `select!`.
 pub async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
+    or_never(deadline.map(sleep_until)).await;
+}
+
+/// Waits for what may come; without it, never returns. As cancel-safe as that is.
+pub async fn or_never<T>(future: Option<impl Future<Output = T>>) -> T {
+    match future {
+        Some(future) => future.await,
         None => std::future::pending().await,
     }
 }

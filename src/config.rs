@@ -261,6 +261,7 @@ impl Config {
             simulated,
             seed,
             link: link::Options::default(),
+            waits: false,
             streams: self.streams,
         }
     }

@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::fs::{DirBuilder, File};
 use std::io::{self, Read as _, Write as _};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd, OwnedFd};
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::Path;
 
@@ -184,6 +184,12 @@ impl Folder {
         }
     }
 
+    /// The path of a socket in it, for as long as this is open: its own may be too long for a
+    /// socket's address.
+    pub fn socket_path(&self, name: &str) -> String {
+        format!("/proc/self/fd/{}/{name}", self.0.as_raw_fd())
+    }
+
     /// Reads a regular file of at most `most` bytes; `None` if there is none of this name.
     pub fn read(&self, name: &str, most: u64) -> Result<Option<Vec<u8>>, ReadError> {
         match open(&self.0, name, OFlags::NOFOLLOW) {
@@ -303,6 +309,12 @@ impl Folder {
     pub fn free(&self) -> io::Result<u64> {
         let disk = fstatvfs(&self.0)?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+}
+
+impl AsFd for Folder {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.0.as_fd()
     }
 }
 

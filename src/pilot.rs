@@ -25,24 +25,24 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use crate::clock::until;
+use crate::clock::{or_never, until};
 pub use crate::link::Delivery;
-use crate::link::{Confirmation, Executes, Incoming, LinkError, Writer, hang_up};
+use crate::link::{Confirmation, Executes, Incoming, LinkError, Session, Writer, hang_up};
 use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, Pictures, RobotInfo,
     StopConfirmation, Streams,
 };
-use crate::safety::{Fact, LastWords, Limits, WaitingMotion, Watchdog};
+use crate::safety::{Act, Fact, LastWords, Limits, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
-use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
+use self::connection::{Connection, ConnectionEvent};
 use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
 use self::debt::{Debt, DebtAction};
-use self::outputs::{EmergencyStopState, QuietHours, Restrictions};
+use self::outputs::{QuietHours, Restrictions};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
@@ -88,15 +88,6 @@ struct Ending {
     asked: Option<Instant>,
 }
 
-impl Ending {
-    fn new(now: Instant) -> Ending {
-        Ending {
-            until: now + DELIVERY,
-            asked: None,
-        }
-    }
-}
-
 /// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
 pub struct Shutdown {
@@ -118,6 +109,9 @@ pub struct Settings {
     pub seed: u64,
     /// The timeouts of the link.
     pub link: crate::link::Options,
+    /// Whether the first connection is repeated, like each later one, until the robot accepts the
+    /// login; only a refused password ends that.
+    pub waits: bool,
     /// Which streams of the robot are on, and when.
     pub streams: Streams,
 }
@@ -129,7 +123,8 @@ pub struct Pilot {
     writer: Option<Writer>,
     sessions: Sessions,
     actuators: ActuatorState,
-    emergency_stop: EmergencyStopState,
+    emergency_stop: bool,
+    emergency_stop_sent: Option<Instant>,
     silence: Silence,
     debt: Debt,
     /// A robot that answers questions executes nothing at present.
@@ -141,8 +136,9 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    /// Unknown kinds of messages, and when each was last logged.
-    unknown: Repeats<UnknownKind>,
+    /// Unknown kinds of messages and of ENGINE, and when each was last logged.
+    unknown_messages: Repeats<u8>,
+    unknown_engine: Repeats<u8>,
     engine_log: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// The state that lights, sounds and streams were last adapted to.
@@ -161,9 +157,10 @@ pub struct Pilot {
     ending: Option<Ending>,
     /// Why attempts to connect have failed, and when each reason was last logged.
     failed: Repeats<String>,
+    /// How many attempts have failed before the first connection.
+    attempts: u32,
     /// Present in real time only.
     heartbeat: Option<Heartbeat>,
-    /// Publishes what has happened.
     bus: Bus,
     /// Measures the time from a frame to the motion that behaviours derive from it.
     stopwatch: Stopwatch,
@@ -185,7 +182,8 @@ impl Pilot {
             writer: None,
             sessions: Sessions::new(settings.streams),
             actuators: ActuatorState::default(),
-            emergency_stop: EmergencyStopState::default(),
+            emergency_stop: false,
+            emergency_stop_sent: None,
             silence: Silence::new(Instant::now()),
             debt: Debt::default(),
             executes_nothing: false,
@@ -195,7 +193,8 @@ impl Pilot {
             status,
             info: None,
             simulated: settings.simulated,
-            unknown: Repeats::new(UNKNOWN_EVERY),
+            unknown_messages: Repeats::new(UNKNOWN_EVERY),
+            unknown_engine: Repeats::new(UNKNOWN_EVERY),
             engine_log: Repeats::new(ENGINE_EVERY),
             streams_due: None,
             restrictions: Restrictions::default(),
@@ -207,6 +206,7 @@ impl Pilot {
             released: false,
             ending: None,
             failed: Repeats::new(FAILED_EVERY),
+            attempts: 0,
             heartbeat: None,
             bus: Bus::default(),
             stopwatch: Stopwatch::default(),
@@ -230,8 +230,8 @@ impl Pilot {
     /// stop has come.
     ///
     /// # Errors
-    /// [`LinkError`] if the very first connection fails, so that a person can read it at the start.
-    /// Later failures are retried forever.
+    /// [`LinkError`] if the very first connection fails, so that a person can read it at the start,
+    /// unless the settings say to wait. Later failures are retried forever.
     pub async fn run(
         mut self,
         connector: Connector,
@@ -250,25 +250,37 @@ impl Pilot {
             self.store_last_words(&mut connection);
             let deadline = self.next_deadline();
             let end = self.ending.as_ref().map(|ending| ending.until);
+            let guardian_changed = self.heartbeat.as_mut().map(Heartbeat::guardian_changed);
+            let progress = self.writer.as_mut().map(Writer::progress);
             let turn = tokio::select! {
                 biased;
                 () = until(end) => break,
                 () = shutdown.close_link.cancelled(), if self.ending.is_none() => {
-                    self.ending = Some(Ending::new(Instant::now()));
+                    self.ending = Some(Ending {
+                        until: Instant::now() + DELIVERY,
+                        asked: None,
+                    });
                     self.serve_last(&mut requests)
                 }
                 () = shutdown.stop_motion.cancelled(), if !motion_stopped => {
                     motion_stopped = true;
                     self.handle(Fact::RunEnding)
                 }
-                () = guardian_changed(self.heartbeat.as_mut()) => self.check_guardian(),
+                () = or_never(guardian_changed) => self.check_guardian(),
                 () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
-                written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
-                event = connection.next() => match self.handle_event(event) {
-                    Ok(()) => Ok(()),
-                    Err(ConnectionEventError::Lost(lost)) => Err(lost),
-                    Err(ConnectionEventError::First(error)) => return Err(error),
+                written = or_never(progress) => written,
+                event = connection.next() => match event {
+                    // A person can read why the very first connection has failed.
+                    ConnectionEvent::Failed(error)
+                        if self.info.is_none()
+                            && self.ending.is_none()
+                            && (error.is_final() || !settings.waits) =>
+                    {
+                        self.release_guardian();
+                        return Err(error);
+                    }
+                    event => self.handle_event(event, &mut connection),
                 },
                 Some(request) = requests.recv() => self.serve(request),
             };
@@ -278,7 +290,7 @@ impl Pilot {
         Ok(self.close(connection).await)
     }
 
-    fn end_turn(&mut self, served: Result<(), LinkLost>, connection: &mut Connection) {
+    fn end_turn(&mut self, served: Result<(), LinkError>, connection: &mut Connection) {
         let served = served.and_then(|()| self.apply_restrictions());
         let served = served.and_then(|()| self.send_last());
         if let Err(lost) = served.and_then(|()| self.check_execution()) {
@@ -294,9 +306,7 @@ impl Pilot {
         let now = Instant::now();
         let writer = self.writer.as_ref();
         let queued = writer.is_some_and(|writer| writer.is_new_setpoint_waiting(now));
-        let changed = self.watchdog.note_setpoint_queued(queued, now);
-        if let Some(WaitingMotion { by, motion, waits }) = changed {
-            let event = Event::MotionWaiting { motion, on: waits };
+        if let Some(Act::Tell(by, event)) = self.watchdog.note_setpoint_queued(queued, now) {
             self.sessions.tell(by, event);
         }
     }
@@ -319,41 +329,41 @@ impl Pilot {
 
     /// Must be called first in a turn: beats, and detects an interruption, after which the robot is
     /// stopped first.
-    fn heartbeat(&mut self) -> Result<(), LinkLost> {
+    fn heartbeat(&mut self) -> Result<(), LinkError> {
         let heartbeat = self.heartbeat.as_mut();
         let interruption = heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now()));
         self.note_guardian(interruption)
     }
 
-    fn check_guardian(&mut self) -> Result<(), LinkLost> {
+    fn check_guardian(&mut self) -> Result<(), LinkError> {
         let heartbeat = self.heartbeat.as_mut();
         let interruption = heartbeat.and_then(Heartbeat::check_guardian);
         self.note_guardian(interruption)
     }
 
-    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkLost> {
+    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkError> {
         let guarded = self.heartbeat.as_ref().is_none_or(Heartbeat::is_guarded);
         if guarded != self.watchdog.is_guarded() {
             self.handle(Fact::Guarded(guarded))?;
         }
         match interruption {
-            Some(interruption) => {
-                warn!("{interruption}: the robot is stopped first");
-                self.handle(interruption.fact())
+            Some(Interruption { what, fact }) => {
+                warn!("{what}: the robot is stopped first");
+                self.handle(fact)
             }
             None => Ok(()),
         }
     }
 
     /// Stops the robot, suspends this program, and stops the robot again when the program resumes.
-    fn suspend(&mut self, Suspend(suspend): Suspend) -> Result<(), LinkLost> {
+    fn suspend(&mut self, Suspend(suspend): Suspend) -> Result<(), LinkError> {
         let stopped = self.handle(Fact::Suspended);
         suspend();
         stopped.and_then(|()| self.handle(Fact::Suspended))
     }
 
     /// Serves the requests that the behaviours sent before `close_link` was cancelled.
-    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
             if requests.is_empty() {
@@ -366,7 +376,7 @@ impl Pilot {
 
     /// Drains what has arrived while this task, or the whole machine, slept before it evaluates
     /// timeouts.
-    async fn poll(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    async fn poll(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         let woken = self.heartbeat();
         for _ in 0..YIELDS_BEFORE_TIMEOUTS {
             tokio::task::yield_now().await;
@@ -390,7 +400,7 @@ impl Pilot {
 
     /// Asks whether the last stop is executed, and pays the debt when it is. Stops a robot that
     /// moves but no longer executes what it is sent.
-    fn check_execution(&mut self) -> Result<(), LinkLost> {
+    fn check_execution(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -429,26 +439,22 @@ impl Pilot {
     }
 
     /// Asks a silent robot for a sign of life, and ends the link if it stays silent.
-    fn check_silence(&mut self) -> Result<(), LinkLost> {
-        if self.writer.is_none() {
+    fn check_silence(&mut self) -> Result<(), LinkError> {
+        let Some(writer) = &mut self.writer else {
             return Ok(());
-        }
+        };
         match self.silence.poll(Instant::now()) {
-            Some(SilenceAction::Ask) => match &mut self.writer {
-                Some(writer) => Ok(writer.ask(Instant::now())?),
-                None => Ok(()),
-            },
-            Some(SilenceAction::Gone(silence)) => {
-                let silence = silence.as_secs();
-                let reason = format!("nothing received from the robot for {silence} s");
-                Err(LinkLost::because(reason))
-            }
+            Some(SilenceAction::Ask) => writer.ask(Instant::now()),
+            Some(SilenceAction::Gone(silence)) => Err(LinkError::ClosedHere(format!(
+                "nothing received from the robot for {} s",
+                silence.as_secs()
+            ))),
             None => Ok(()),
         }
     }
 
     /// Serves waiting requests, so that they get their turn even if the robot sends without pause.
-    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
         for _ in 0..REQUESTS_IN_A_ROW {
             let Ok(request) = requests.try_recv() else {
                 break;
@@ -500,12 +506,13 @@ impl Pilot {
             docked: self.watchdog.docked(),
             dock_state: self.watchdog.dock_state(),
             shed: self.watchdog.shed(),
-            emergency_stop: self.emergency_stop.is_on(),
+            emergency_stop: self.emergency_stop,
             stop: self.stop_confirmation(),
             owes_stop: self.owes_stop(),
             delays: self.writer.as_mut().and_then(Writer::delays),
             actuators: self.actuators,
             frames: self.status.borrow().frames,
+            attempts: self.attempts,
         };
         self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
@@ -519,7 +526,7 @@ impl Pilot {
     /// Whether the next attempt to connect must not wait.
     pub(super) fn is_hurried(&self) -> bool {
         let urgent = self.debt.is_owed()
-            || self.emergency_stop.is_on()
+            || self.emergency_stop
             || self.watchdog.low().is_some() && !self.watchdog.docked();
         let recent = |lost: Instant| lost.elapsed() < HURRY_LIMIT;
         urgent && self.lost_at.is_some_and(recent)
@@ -532,37 +539,49 @@ impl Pilot {
 
     // What comes over the connection.
 
-    fn handle_event(&mut self, event: ConnectionEvent) -> Result<(), ConnectionEventError> {
+    fn handle_event(
+        &mut self,
+        event: ConnectionEvent,
+        connection: &mut Connection,
+    ) -> Result<(), LinkError> {
         self.heartbeat()?;
         match event {
-            ConnectionEvent::Up(session) => self.connected(*session)?,
-            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
+            ConnectionEvent::Up(session) => self.connected(*session, connection),
+            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report),
             ConnectionEvent::Incoming(Incoming::Progress) => {
                 self.silence.note_received(Instant::now());
+                Ok(())
             }
-            ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            ConnectionEvent::Accepted(login) => self.watch_login(login),
+            ConnectionEvent::Lost(error) => Err(error),
+            ConnectionEvent::Accepted(login) => {
+                self.watch_login(login);
+                Ok(())
+            }
             ConnectionEvent::Failed(error) => {
                 // If the robot had accepted the login, the last words were sent.
                 self.release_guardian();
-                if self.info.is_none() && self.ending.is_none() {
-                    return Err(ConnectionEventError::First(error));
-                }
+                self.attempts += u32::from(self.info.is_none());
                 self.log_failed_attempt(&error.to_string());
+                Ok(())
             }
         }
-        Ok(())
     }
 
-    fn connected(&mut self, session: NewSession) -> Result<(), LinkLost> {
-        let NewSession {
+    fn connected(
+        &mut self,
+        session: Session,
+        connection: &mut Connection,
+    ) -> Result<(), LinkError> {
+        let Session {
             accepted,
             power,
             peer,
             early,
+            reader,
             writer,
             login,
         } = session;
+        connection.set_up(reader);
         let Accepted {
             uid,
             name,
@@ -585,7 +604,8 @@ impl Pilot {
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
         self.executes_nothing = false;
-        self.publish_link_up(&info, docked);
+        let robot = info.clone();
+        self.bus.publish(AgentEvent::LinkUp { robot, docked });
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
         let mut lost = self
@@ -605,7 +625,7 @@ impl Pilot {
 
     /// Asks whether everything is executed, after a login and at the end. The answers also measure
     /// how fast the robot executes.
-    fn ask(&mut self) -> Result<(), LinkLost> {
+    fn ask(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -614,7 +634,7 @@ impl Pilot {
             self.debt.ask_at_once(now);
             return self.check_execution();
         }
-        Ok(writer.ask(now)?)
+        writer.ask(now)
     }
 
     /// The events that tell a behaviour the state of a connected robot.
@@ -632,7 +652,7 @@ impl Pilot {
         vec![Event::Battery(battery), connected]
     }
 
-    fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+    fn report(&mut self, report: Report) -> Result<(), LinkError> {
         self.silence.note_received(Instant::now());
         let lost = self.handle(Fact::BytesReceived);
         if let Some(writer) = &mut self.writer {
@@ -659,7 +679,7 @@ impl Pilot {
 
     /// Takes in a fact that may change what is believed of the battery, and publishes such a
     /// change.
-    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
+    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkError> {
         let before = self.watchdog.battery();
         let read_voltage = self.watchdog.reads_voltage();
         let acts = self.watchdog.handle(fact, Instant::now());
@@ -689,7 +709,7 @@ impl Pilot {
         }
     }
 
-    fn engine(&mut self, report: EngineReport) -> Result<(), LinkLost> {
+    fn engine(&mut self, report: EngineReport) -> Result<(), LinkError> {
         let event = match report {
             EngineReport::Docked => Event::Docked,
             EngineReport::Undocked => Event::Undocked,
@@ -719,6 +739,9 @@ impl Pilot {
     /// Logs each reason at long intervals: a robot may be out of reach for weeks.
     fn log_failed_attempt(&mut self, error: &str) {
         match self.failed.record(error.to_owned(), Instant::now()) {
+            Some(0) if self.info.is_none() => {
+                info!("{error}; trying until it answers, Ctrl-C ends");
+            }
             Some(0) => warn!("still not connected: {error}"),
             Some(repeated) => warn!(repeated, "still not connected: {error}"),
             None => debug!("still not connected: {error}"),
@@ -727,11 +750,10 @@ impl Pilot {
 
     /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
     fn log_engine_report(&mut self, report: EngineReport) {
+        let now = Instant::now();
         let said = match report {
-            EngineReport::Unknown(code) => self
-                .unknown
-                .record(UnknownKind::Engine(code), Instant::now()),
-            known => self.engine_log.record(known, Instant::now()),
+            EngineReport::Unknown(code) => self.unknown_engine.record(code, now),
+            known => self.engine_log.record(known, now),
         };
         match said {
             Some(0) => info!("the robot says: {}", describe(report)),
@@ -741,10 +763,7 @@ impl Pilot {
     }
 
     fn log_unknown_message(&mut self, kind: u8) {
-        if let Some(repeated) = self
-            .unknown
-            .record(UnknownKind::Message(kind), Instant::now())
-        {
+        if let Some(repeated) = self.unknown_messages.record(kind, Instant::now()) {
             info!(
                 kind,
                 repeated, "a message of unknown type or length; logged once per type and minute"
@@ -757,7 +776,7 @@ impl Pilot {
     /// Handles a lost link: the last words are tried without blocking. If a stop is owed, the next
     /// login delivers it; a robot that still believes in this link would refuse that, so the guardian
     /// does not keep it open.
-    fn handle_link_lost(&mut self, lost: &LinkLost, connection: &mut Connection) {
+    fn handle_link_lost(&mut self, lost: &LinkError, connection: &mut Connection) {
         self.store_last_words(connection);
         let reader = connection.disconnect();
         let Some(mut writer) = self.writer.take() else {
@@ -783,13 +802,15 @@ impl Pilot {
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
         let reason = lost.to_string();
-        self.publish_link_down(&reason);
+        self.bus.publish(AgentEvent::LinkDown {
+            reason: reason.clone(),
+        });
         self.sessions.tell_all(&Event::Disconnected { reason });
     }
 
     /// At the end, once a link is there: ends the run's motion (see [`Fact::RunEnding`]), switches
     /// the streams off, and asks whether that is executed.
-    fn send_last(&mut self) -> Result<(), LinkLost> {
+    fn send_last(&mut self) -> Result<(), LinkError> {
         let now = Instant::now();
         let Some(ending) = &mut self.ending else {
             return Ok(());
@@ -877,16 +898,6 @@ impl Pilot {
 
     // What is published on the bus. Nothing here waits for a listener.
 
-    fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
-        let robot = info.clone();
-        self.bus.publish(AgentEvent::LinkUp { robot, docked });
-    }
-
-    fn publish_link_down(&self, reason: &str) {
-        let reason = reason.to_owned();
-        self.bus.publish(AgentEvent::LinkDown { reason });
-    }
-
     /// The battery with the estimate of the minutes left.
     fn battery(&self) -> Option<Battery> {
         Some(Battery {
@@ -898,14 +909,6 @@ impl Pilot {
     fn publish_battery(&self) {
         if let Some(battery) = self.battery() {
             self.bus.publish(AgentEvent::Battery(battery));
-        }
-    }
-
-    fn publish_safety(&self, event: &Event) {
-        if let Event::Safety { action, reason } = event {
-            let action = *action;
-            let reason = reason.clone();
-            self.bus.publish(AgentEvent::Safety { action, reason });
         }
     }
 
@@ -947,13 +950,6 @@ impl Pilot {
     }
 }
 
-/// A kind of unknown value: each is logged once a minute.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum UnknownKind {
-    Message(u8),
-    Engine(u8),
-}
-
 fn describe(report: EngineReport) -> String {
     match report {
         EngineReport::Docked => "on the station".to_owned(),
@@ -961,21 +957,5 @@ fn describe(report: EngineReport) -> String {
         EngineReport::Charged => "the battery is full".to_owned(),
         EngineReport::BaseNotFound => "station not found".to_owned(),
         EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
-    }
-}
-
-/// See [`Heartbeat::guardian_changed`].
-async fn guardian_changed(heartbeat: Option<&mut Heartbeat>) {
-    match heartbeat {
-        Some(heartbeat) => heartbeat.guardian_changed().await,
-        None => std::future::pending().await,
-    }
-}
-
-/// Writes what is queued; see [`Writer::progress`].
-async fn progress(writer: Option<&mut Writer>) -> Result<(), LinkError> {
-    match writer {
-        Some(writer) => writer.progress().await,
-        None => std::future::pending().await,
     }
 }

@@ -8,12 +8,12 @@ use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::{Instant, timeout};
 use tracing::{error, info, warn};
 
-use super::restart_loop::{LaunchContext, RestartLoop, report};
+use super::restart_loop::{RestartLoop, report};
 use super::roster::{
     BehaviourSpec, BehaviourState, BehaviourStatus, Reply, Roster, RosterCommand, RosterError,
 };
 use super::{AgentError, Behaviour, SCRIPTS_END};
-use crate::behaviour::Prepared;
+use crate::behaviour::{Handle, HostContext, Prepared};
 use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
@@ -31,7 +31,7 @@ type PreparedBehaviour = (RestartLoop, Result<Prepared, ScriptExit>);
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 pub(super) struct BehaviourSet {
-    context: LaunchContext,
+    context: HostContext,
     commands: mpsc::Receiver<RosterCommand>,
     specs: Vec<BehaviourSpec>,
     active: Vec<ActiveBehaviour>,
@@ -46,7 +46,7 @@ pub(super) struct BehaviourSet {
 
 impl BehaviourSet {
     pub(super) fn new(
-        context: LaunchContext,
+        context: HostContext,
         status: watch::Receiver<Status>,
         specs: Vec<BehaviourSpec>,
     ) -> (BehaviourSet, Roster) {
@@ -80,8 +80,10 @@ impl BehaviourSet {
                 self.specs.push(BehaviourSpec::from_behaviour(&behaviour));
             }
             let by = self.number();
-            let stop = Stop::new(None);
-            let restart_loop = self.restart_loop(by, &stop, behaviour);
+            let stop = Handle::default();
+            let context = self.context.clone();
+            let restart_loop =
+                RestartLoop::new(context, stop.clone(), by, Role::Behaviour, behaviour);
             match restart_loop.prepare().await {
                 Err(exit) if !restart_loop.is_watched() => {
                     let name = restart_loop.name().to_owned();
@@ -160,7 +162,7 @@ impl BehaviourSet {
         self.commands.close();
         for one in &mut self.active {
             one.restart_reply = None;
-            request_stop(&one.stop, reason);
+            one.stop.stop(reason);
         }
         let scripts = async {
             while let Some(Ok((by, name, exit))) = self.running.join_next().await {
@@ -208,7 +210,7 @@ impl BehaviourSet {
             }
             RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
-                    request_stop(&one.stop, EndReason::Reload);
+                    one.stop.stop(EndReason::Reload);
                     if let Some(earlier) = one.restart_reply.replace(reply) {
                         refuse(earlier, RosterError::Busy);
                     }
@@ -233,11 +235,11 @@ impl BehaviourSet {
             return refuse(reply, RosterError::Full(MAX_BEHAVIOURS));
         }
         let by = self.number();
-        let stop = Stop::new(None);
-        let context = self.context(&stop);
+        let stop = Handle::default();
+        let context = self.context.clone();
         let status = self.status.clone();
-        self.loading
-            .spawn(async move { (by, load(context, by, spec, status).await) });
+        let loaded = load(context, stop.clone(), by, spec, status);
+        self.loading.spawn(async move { (by, loaded.await) });
         let mut one = ActiveBehaviour::new(by, name.to_owned(), stop, time_limit);
         one.started = Some(reply);
         self.active.push(one);
@@ -247,7 +249,7 @@ impl BehaviourSet {
         let Some(at) = self.active.iter().position(|one| one.by == by) else {
             return;
         };
-        let stopped = *self.active[at].stop.borrow();
+        let stopped = self.active[at].stop.reason();
         match (loaded, stopped) {
             (Ok((restart_loop, host)), None) => {
                 if let Some(reply) = self.active[at].started.take() {
@@ -317,7 +319,7 @@ impl BehaviourSet {
         for one in &self.active {
             if one.deadline().is_some_and(|deadline| deadline <= now) {
                 info!(behaviour = one.name, "its time is over");
-                request_stop(&one.stop, EndReason::Cancelled);
+                one.stop.stop(EndReason::Cancelled);
             }
         }
         self.publish();
@@ -337,17 +339,6 @@ impl BehaviourSet {
             if !self.active.iter().any(|one| one.by == by) {
                 return by;
             }
-        }
-    }
-
-    fn restart_loop(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> RestartLoop {
-        RestartLoop::new(self.context(stop), by, Role::Behaviour, behaviour)
-    }
-
-    fn context(&self, stop: &Stop) -> LaunchContext {
-        LaunchContext {
-            stop: stop.subscribe(),
-            ..self.context.clone()
         }
     }
 
@@ -378,7 +369,8 @@ const REACH: Duration = Duration::from_millis(3500);
 
 /// A behaviour that is told to end meanwhile does not run.
 pub(super) async fn load(
-    context: LaunchContext,
+    context: HostContext,
+    stop: Handle,
     by: BehaviourId,
     spec: BehaviourSpec,
     mut status: watch::Receiver<Status>,
@@ -386,7 +378,7 @@ pub(super) async fn load(
     let made = spawn_blocking(move || spec.make()).await;
     let broken = "internal error: the behaviour could not be created".to_owned();
     let behaviour = made.unwrap_or(Err(RosterError::CannotLoad(broken)))?;
-    let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
+    let restart_loop = RestartLoop::new(context, stop, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|exit| RosterError::CannotLoad(exit.text().to_owned()))?;
     // A robot whose link was released is being dialled meanwhile.
@@ -397,12 +389,10 @@ pub(super) async fn load(
     }
 }
 
-pub(super) type Stop = watch::Sender<Option<EndReason>>;
-
 pub(super) struct ActiveBehaviour {
     pub(super) by: BehaviourId,
     pub(super) name: String,
-    pub(super) stop: Stop,
+    pub(super) stop: Handle,
     /// When it began; `None`: it is being loaded.
     pub(super) since: Option<Instant>,
     pub(super) time_limit: Option<Duration>,
@@ -416,7 +406,7 @@ impl ActiveBehaviour {
     pub(super) fn new(
         by: BehaviourId,
         name: String,
-        stop: Stop,
+        stop: Handle,
         time_limit: Option<Duration>,
     ) -> ActiveBehaviour {
         ActiveBehaviour {
@@ -433,7 +423,7 @@ impl ActiveBehaviour {
 
     /// When its time is over; `None`: it has no limit, or is ending already.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        if self.stop.borrow().is_some() {
+        if self.stop.reason().is_some() {
             return None;
         }
         Some(self.since? + self.time_limit?)
@@ -441,7 +431,7 @@ impl ActiveBehaviour {
 
     /// Tells it to end, and not to start again.
     pub(super) fn stop_for_good(&mut self) {
-        request_stop(&self.stop, EndReason::Cancelled);
+        self.stop.stop(EndReason::Cancelled);
         if let Some(again) = self.restart_reply.take() {
             let _ = again.send(Err(RosterError::StoppedFirst(self.name.clone())));
         }
@@ -451,7 +441,7 @@ impl ActiveBehaviour {
     /// start it when the robot is back.
     pub(super) fn refusal(&self, why: RosterError) -> RosterError {
         match why {
-            RosterError::Offline if self.stop.borrow().is_some() => {
+            RosterError::Offline if self.stop.reason().is_some() => {
                 RosterError::StoppedFirst(self.name.clone())
             }
             why => why,
@@ -460,7 +450,7 @@ impl ActiveBehaviour {
 
     pub(super) fn state(&self) -> BehaviourState {
         match self.since {
-            _ if self.stop.borrow().is_some() => BehaviourState::Ending,
+            _ if self.stop.reason().is_some() => BehaviourState::Ending,
             Some(since) => BehaviourState::Running { by: self.by, since },
             None => BehaviourState::Loading,
         }
@@ -490,20 +480,15 @@ pub(super) fn statuses(
     all.chain(rest).map(behaviour_status).collect()
 }
 
-/// Tells a behaviour to end; an earlier reason is kept.
-pub(super) fn request_stop(stop: &Stop, reason: EndReason) {
-    stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_behaviour_that_was_stopped_is_not_said_to_wait_for_the_robot() {
-        let one = ActiveBehaviour::new(BehaviourId(1), "go".to_owned(), Stop::new(None), None);
+        let one = ActiveBehaviour::new(BehaviourId(1), "go".to_owned(), Handle::default(), None);
         assert_eq!(one.refusal(RosterError::Offline), RosterError::Offline);
-        request_stop(&one.stop, EndReason::Cancelled);
+        one.stop.stop(EndReason::Cancelled);
         let stopped = RosterError::StoppedFirst("go".to_owned());
         assert_eq!(one.refusal(RosterError::Offline), stopped);
         let broken = RosterError::CannotLoad("broken".to_owned());

@@ -33,7 +33,6 @@ pub struct PilotClient {
 /// Why a request failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PilotClientError {
-    /// The pilot has ended.
     #[error("the pilot has ended")]
     Closed,
     /// The watchdog or the pilot has ended this client.
@@ -42,7 +41,6 @@ pub enum PilotClientError {
 }
 
 impl PilotClient {
-    /// Joins the pilot.
     pub async fn join(
         requests: mpsc::Sender<Request>,
         by: BehaviourId,

@@ -8,10 +8,10 @@ use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
-use super::restart_loop::LaunchContext;
 use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
-    Handle, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel, Supervisor,
+    Handle, HostContext, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel,
+    Supervisor,
 };
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Priority};
@@ -21,9 +21,7 @@ use crate::script::ScriptExit;
 pub struct ReplSession {
     /// The behaviour, from which each replacement is made; `interactive` in its options.
     pub launch: Launch,
-    /// How to start hosts.
     pub launcher: Launcher,
-    /// Connects to the robot and drives it.
     pub setup: PilotSetup,
     /// The rescue behaviour, if any: see [`rescue`](super::rescue).
     pub rescue: Option<Launch>,
@@ -42,7 +40,7 @@ pub enum ReplError {
 
 struct RunningSession {
     launch: Launch,
-    context: LaunchContext,
+    context: HostContext,
     pilot: RunningPilot,
     last: u16,
 }
@@ -62,7 +60,7 @@ impl ReplSession {
         }
         let mut session = RunningSession {
             launch: self.launch,
-            context: self.setup.launch_context(self.launcher),
+            context: self.setup.host_context(self.launcher),
             pilot: self.setup.launch(&stop),
             last: 0,
         };
@@ -104,13 +102,9 @@ impl RunningSession {
         stop: &CancellationToken,
     ) -> Result<Option<ScriptExit>, ReplError> {
         let (lines, mut messages, repl_channel) = ReplChannel::new();
-        let supervisor = self
-            .start_behaviour()
-            .await?
-            .with_repl_channel(repl_channel);
+        let supervisor = self.start_behaviour(repl_channel).await?;
         let handle = Handle::default();
-        let core = self.context.core.clone();
-        let mut running = pin!(supervisor.run(handle.clone(), &core));
+        let mut running = pin!(supervisor.run(handle.clone()));
         let _ = sink.send(PromptMessage::Ready).await;
         loop {
             tokio::select! {
@@ -141,18 +135,13 @@ impl RunningSession {
         Ok(None)
     }
 
-    async fn start_behaviour(&mut self) -> Result<Supervisor, ReplError> {
+    async fn start_behaviour(&mut self, prompt: ReplChannel) -> Result<Supervisor, ReplError> {
         self.last = self.last.wrapping_add(1);
         let by = BehaviourId(self.last);
         let launch = self.launch.clone();
         let context = self.context.clone();
-        let prepared =
-            Prepared::start(&context.launcher, &context.core, by, Priority(0), launch).await;
+        let prepared = Prepared::start(&context, by, Priority(0), launch).await;
         let prepared = prepared.map_err(ReplError::Host)?;
-        Ok(
-            Supervisor::register(prepared, Role::Behaviour, context.requests, context.frames)
-                .await
-                .with_longest_silence(context.longest_silence),
-        )
+        Ok(Supervisor::register(prepared, Role::Behaviour, context, Some(prompt)).await)
     }
 }

@@ -1,41 +1,24 @@
 //! Runs one behaviour, restarts it when it has failed or its file was saved, and gives it up when
 //! it fails too often.
 
-use std::future::{Future, pending};
 use std::pin::{Pin, pin};
 use std::time::Duration;
 
-use tokio::runtime;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::mpsc;
 use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::{error, info, warn};
 
 use super::Behaviour;
 use crate::behaviour::{
-    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartDecision, RestartPolicy,
+    Handle, HostContext, Inspector, Launch, Prepared, RestartDecision, RestartPolicy,
     RestartTracker, Supervisor,
 };
 use crate::check;
+use crate::clock::or_never;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{AgentEvent, BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
+use crate::robot::{AgentEvent, BehaviourId, EndReason};
 use crate::script::ScriptExit;
-
-type Stop = watch::Receiver<Option<EndReason>>;
-
-#[derive(Clone)]
-pub(super) struct LaunchContext {
-    pub(super) launcher: Launcher,
-    /// Serves the hosts' pipes.
-    pub(super) core: runtime::Handle,
-    pub(super) requests: mpsc::Sender<Request>,
-    pub(super) frames: watch::Receiver<Pictures>,
-    pub(super) stop: Stop,
-    /// The longest silence of a host that does not drive.
-    pub(super) longest_silence: Duration,
-    pub(super) viewers: ViewerChannel,
-    pub(super) bus: Bus,
-}
 
 struct Loaded {
     host: Prepared,
@@ -45,43 +28,39 @@ struct Loaded {
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, ScriptExit>> + Send>>;
 
 pub(super) struct RestartLoop {
-    context: LaunchContext,
+    context: HostContext,
+    /// Ends it for good.
+    stop: Handle,
     by: BehaviourId,
     role: Role,
-    priority: Priority,
-    /// Holds the text that runs, or ran last.
-    launch: Launch,
-    checked: bool,
-    policy: RestartPolicy,
+    /// Its `launch` holds the text that runs, or ran last.
+    behaviour: Behaviour,
     restarts: RestartTracker,
-    reloads: Option<mpsc::Receiver<Reload>>,
     /// The last saved text cannot be loaded: the one before it is not started again.
     outdated: bool,
 }
 
 impl RestartLoop {
     pub(super) fn new(
-        context: LaunchContext,
+        context: HostContext,
+        stop: Handle,
         by: BehaviourId,
         role: Role,
-        plan: Behaviour,
+        behaviour: Behaviour,
     ) -> RestartLoop {
         RestartLoop {
             context,
+            stop,
             by,
             role,
-            priority: plan.priority,
-            restarts: RestartTracker::new(plan.restart, plan.launch.options.seed),
-            launch: plan.launch,
-            checked: plan.checked,
-            policy: plan.restart,
-            reloads: plan.reloads,
+            restarts: RestartTracker::new(behaviour.restart, behaviour.launch.options.seed),
+            behaviour,
             outdated: false,
         }
     }
 
     pub(super) fn name(&self) -> &str {
-        &self.launch.options.name
+        &self.behaviour.launch.options.name
     }
 
     pub(super) fn by(&self) -> BehaviourId {
@@ -90,12 +69,12 @@ impl RestartLoop {
 
     /// A text that cannot be loaded may be corrected during the run.
     pub(super) fn is_watched(&self) -> bool {
-        self.reloads.is_some()
+        self.behaviour.reloads.is_some()
     }
 
     /// Lets a host load the text; it does not run yet.
     pub(super) async fn prepare(&self) -> Result<Prepared, ScriptExit> {
-        let source = self.launch.source.clone();
+        let source = self.behaviour.launch.source.clone();
         self.load(source).await.map(|loaded| loaded.host)
     }
 
@@ -115,7 +94,7 @@ impl RestartLoop {
                 Some(loaded) => Ok(self.adopt(loaded)),
                 None => match self.decide_next(&exit).await {
                     Some(next) => next,
-                    None => return (self.launch.options.name, exit),
+                    None => return (self.behaviour.launch.options.name, exit),
                 },
             };
         }
@@ -124,30 +103,27 @@ impl RestartLoop {
     /// Returns how it has ended, and a text that was saved and loaded meanwhile. The old text runs
     /// until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
-        let context = self.context.clone();
-        context.bus.publish(AgentEvent::Started {
+        self.context.bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
         });
         let handle = Handle::default();
-        let supervisor = Supervisor::register(host, self.role, context.requests, context.frames)
-            .await
-            .with_longest_silence(context.longest_silence)
-            .with_viewers(context.viewers)
-            .with_bus(context.bus);
-        let mut life = pin!(supervisor.run(handle.clone(), &context.core));
+        let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;
+        let mut life = pin!(supervisor.run(handle.clone()));
         let mut loading = None;
         let mut successor = None;
         let mut stopping = false;
         let exit = loop {
             tokio::select! {
                 biased;
-                reason = stopped(&mut self.context.stop), if !stopping => {
+                reason = self.stop.stopped(), if !stopping => {
                     stopping = true;
                     handle.stop(reason);
                 }
                 exit = &mut life => break exit,
-                Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
-                loaded = done(&mut loading) => {
+                Some(source) = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => {
+                    loading = Some(self.load(source));
+                }
+                loaded = or_never(loading.as_mut()) => {
                     loading = None;
                     if let Some(loaded) = self.accept(loaded, "the old script still runs") {
                         successor = Some(loaded);
@@ -187,16 +163,15 @@ impl RestartLoop {
         );
         tokio::select! {
             biased;
-            _ = stopped(&mut self.context.stop) => return None,
-            Some(reload) = saved(&mut self.reloads) => {
-                return self.wait_for_fix(Some(reload)).await.map(Ok);
+            _ = self.stop.stopped() => return None,
+            Some(source) = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => {
+                return self.wait_for_fix(Some(source)).await.map(Ok);
             }
             () = sleep(pause) => {}
         }
-        let mut stop = self.context.stop.clone();
         tokio::select! {
             biased;
-            _ = stopped(&mut stop) => None,
+            _ = self.stop.stopped() => None,
             prepared = self.prepare() => Some(prepared),
         }
     }
@@ -225,7 +200,7 @@ impl RestartLoop {
 
     /// The limit of restarts, such as `of 5 within 600 s`.
     fn limits(&self) -> String {
-        match self.policy {
+        match self.behaviour.restart {
             RestartPolicy::Never => String::new(),
             RestartPolicy::OnFailure(restarts) => format!(
                 "of {} within {} s",
@@ -236,30 +211,30 @@ impl RestartLoop {
     }
 
     /// Waits for a saved text that can be loaded; `None`: no file is watched, or the run ends.
-    async fn wait_for_fix(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
+    async fn wait_for_fix(&mut self, mut saved_text: Option<Vec<u8>>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;
         }
         loop {
             let behaviour = self.name();
-            if reload.is_none() {
+            if saved_text.is_none() {
                 info!(
                     behaviour,
                     "the robot stands still until the script is saved again"
                 );
             }
-            let Reload { source } = match reload.take() {
-                Some(reload) => reload,
+            let source = match saved_text.take() {
+                Some(source) => source,
                 None => tokio::select! {
                     biased;
-                    _ = stopped(&mut self.context.stop) => return None,
-                    reload = saved(&mut self.reloads) => reload?,
+                    _ = self.stop.stopped() => return None,
+                    source = or_never(self.behaviour.reloads.as_mut().map(mpsc::Receiver::recv)) => source?,
                 },
             };
             let loading = self.load(source);
             match self.finish(loading).await {
                 Some(loaded) => return Some(self.adopt(loaded)),
-                None if self.context.stop.borrow().is_some() => return None,
+                None if self.stop.reason().is_some() => return None,
                 None => {}
             }
         }
@@ -269,14 +244,14 @@ impl RestartLoop {
     async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
         tokio::select! {
             biased;
-            _ = stopped(&mut self.context.stop) => None,
+            _ = self.stop.stopped() => None,
             loaded = loading => self.accept(loaded, "nothing runs in its place"),
         }
     }
 
     /// Logs whether a saved text could be loaded, and returns it if so.
     fn accept(&mut self, loaded: Result<Loaded, ScriptExit>, meanwhile: &str) -> Option<Loaded> {
-        let behaviour = &self.launch.options.name;
+        let behaviour = &self.behaviour.launch.options.name;
         self.outdated = loaded.is_err();
         match loaded {
             Ok(loaded) => {
@@ -296,29 +271,29 @@ impl RestartLoop {
 
     /// Adopts a new text, and forgets the earlier failures.
     fn adopt(&mut self, loaded: Loaded) -> Prepared {
-        self.launch.source = loaded.source;
+        self.behaviour.launch.source = loaded.source;
         self.restarts.forget();
         loaded.host
     }
 
     fn load(&self, source: Vec<u8>) -> Loading {
-        let LaunchContext { launcher, core, .. } = self.context.clone();
+        let context = self.context.clone();
         let by = self.by;
-        let priority = self.priority;
+        let priority = self.behaviour.priority;
         let launch = Launch {
             source: source.clone(),
-            ..self.launch.clone()
+            ..self.behaviour.launch.clone()
         };
-        let checked = self.checked;
+        let checked = self.behaviour.checked;
         Box::pin(async move {
             if checked {
                 // Checking a long text takes time and must not block this runtime.
                 let text = launch.clone();
-                let inspector = launcher.inspector();
+                let inspector = context.launcher.inspector();
                 let looked = spawn_blocking(move || check_text(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
             }
-            let host = Prepared::start(&launcher, &core, by, priority, launch).await?;
+            let host = Prepared::start(&context, by, priority, launch).await?;
             Ok(Loaded { host, source })
         })
     }
@@ -350,28 +325,5 @@ pub(super) fn report(name: &str, exit: &ScriptExit) {
             error!(behaviour = name, %reason, "{message}");
         }
         _ => info!(behaviour = name, %reason, "{message}"),
-    }
-}
-
-async fn stopped(stop: &mut Stop) -> EndReason {
-    let reason = stop.wait_for(Option::is_some).await;
-    reason
-        .ok()
-        .and_then(|reason| *reason)
-        .unwrap_or(EndReason::Shutdown)
-}
-
-/// Waits for the next save; `None`: there will be none.
-async fn saved(reloads: &mut Option<mpsc::Receiver<Reload>>) -> Option<Reload> {
-    match reloads {
-        Some(reloads) => reloads.recv().await,
-        None => pending().await,
-    }
-}
-
-async fn done(loading: &mut Option<Loading>) -> Result<Loaded, ScriptExit> {
-    match loading {
-        Some(loading) => loading.await,
-        None => pending().await,
     }
 }

@@ -81,7 +81,6 @@ pub struct BehaviourStatus {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BehaviourState {
-    /// It does not run.
     Idle,
     /// Its script is being loaded.
     Loading,
@@ -96,7 +95,6 @@ pub enum BehaviourState {
     Ending,
 }
 
-/// Why a command is refused or has failed.
 impl BehaviourState {
     /// The name that pages and programs receive.
     pub fn name(self) -> &'static str {
@@ -108,12 +106,12 @@ impl BehaviourState {
         }
     }
 
-    /// Whether its script runs.
     pub fn is_running(self) -> bool {
         matches!(self, BehaviourState::Running { .. })
     }
 }
 
+/// Why a command is refused or has failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
     /// No behaviour has this name.
@@ -141,13 +139,11 @@ pub enum RosterError {
     /// The parameter does not exist, cannot be changed, or does not allow the value; in words.
     #[error("{0}")]
     WrongParam(String),
-    /// The robot is not connected.
     #[error("the robot is not connected")]
     Offline,
     /// Too many commands are queued, a command took too long, or a later restart replaced it.
     #[error("too many requests at once, try again")]
     Busy,
-    /// The run is ending.
     #[error("the run is ending")]
     Closed,
 }

@@ -4,27 +4,22 @@
 
 use std::io;
 use std::pin::pin;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use rand::SeedableRng as _;
-use rand::rngs::StdRng;
 use tokio::runtime;
-use tokio::sync::{Mutex, mpsc, watch};
-use tokio::time::{sleep, timeout};
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
 
-use super::restart_loop::{LaunchContext, RestartLoop};
+use super::restart_loop::RestartLoop;
 use super::{AgentError, Behaviour};
-use crate::behaviour::{Launch, Launcher, Library, RestartPolicy};
-use crate::link::{LinkError, Options, Session, Supervision};
+use crate::behaviour::{Handle, HostContext, Launch, Launcher, Library, RestartPolicy};
+use crate::link::LinkError;
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
 };
-use crate::rate_limit::Backoff;
 use crate::robot::channel::{MAX_REQUESTS, Request, Role};
 use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::safety::Rescue;
@@ -102,14 +97,13 @@ impl PilotSetup {
         &self.core
     }
 
-    /// What behaviours are launched with; each one is given its own `stop`.
-    pub(super) fn launch_context(&self, launcher: Launcher) -> LaunchContext {
-        LaunchContext {
+    /// What behaviours are launched with.
+    pub(super) fn host_context(&self, launcher: Launcher) -> HostContext {
+        HostContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
-            stop: watch::channel(None).1,
             longest_silence: self.settings.limits.host_idle_silence.get(),
             viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
@@ -119,7 +113,7 @@ impl PilotSetup {
     /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
     /// on the calling task's runtime.
     pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        let standing_by = stand_by(self.launch_context(launcher), launch, self.status());
+        let standing_by = stand_by(self.host_context(launcher), launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
@@ -298,19 +292,21 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
 
 /// Runs the rescue behaviour whenever the watchdog wants it. Never returns while the pilot runs.
 pub(super) async fn stand_by(
-    context: LaunchContext,
+    context: HostContext,
     launch: Launch,
     mut status: watch::Receiver<Status>,
 ) {
     while until(true, &mut status).await {
         info!("starts the rescue behaviour, which looks for the way to the station");
-        let stop = watch::Sender::new(None);
-        let context = LaunchContext {
-            stop: stop.subscribe(),
-            ..context.clone()
-        };
-        let restart_loop =
-            RestartLoop::new(context, RESCUER, Role::Rescuer, behaviour(launch.clone()));
+        let stop = Handle::default();
+        let rescuer = behaviour(launch.clone());
+        let restart_loop = RestartLoop::new(
+            context.clone(),
+            stop.clone(),
+            RESCUER,
+            Role::Rescuer,
+            rescuer,
+        );
         let first = restart_loop.prepare().await;
         let mut life = pin!(restart_loop.run(first));
         let mut unwanted = status.clone();
@@ -319,7 +315,7 @@ pub(super) async fn stand_by(
             // It has failed permanently: the watchdog continues without it.
             _ = &mut life => {}
             _ = until(false, &mut unwanted) => {
-                stop.send_replace(Some(EndReason::Cancelled));
+                stop.stop(EndReason::Cancelled);
                 life.await;
             }
         }
@@ -340,65 +336,5 @@ fn behaviour(launch: Launch) -> Behaviour {
         checked: false,
         restart: RestartPolicy::OnFailure(Default::default()),
         reloads: None,
-    }
-}
-
-/// Counts the failed attempts to reach a robot. Cheap to clone.
-#[derive(Debug, Clone, Default)]
-pub struct ConnectAttempts(Arc<AtomicU32>);
-
-impl ConnectAttempts {
-    /// The number of failed attempts.
-    pub fn count(&self) -> u32 {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// Returns a connector whose first call repeats `connector`, with growing pauses, until the robot
-/// accepts the login; only a refused password ends that. Later calls make one attempt each.
-pub fn retry_until_connected(
-    connector: Connector,
-    seed: u64,
-    attempts: ConnectAttempts,
-) -> Connector {
-    // The pilot makes one call after the other, so this lock is never contended.
-    let connector = Arc::new(Mutex::new(connector));
-    let mut first = true;
-    Box::new(move |supervision| {
-        let connector = connector.clone();
-        let attempts = attempts.clone();
-        let is_first = std::mem::take(&mut first);
-        Box::pin(async move {
-            let mut connector = connector.lock().await;
-            if is_first {
-                connect_with_retries(&mut connector, supervision, seed, &attempts).await
-            } else {
-                (*connector)(supervision).await
-            }
-        })
-    })
-}
-
-async fn connect_with_retries(
-    connector: &mut Connector,
-    supervision: Supervision,
-    seed: u64,
-    attempts: &ConnectAttempts,
-) -> Result<Session, LinkError> {
-    let usual = Options::default();
-    let mut backoff = Backoff::new(usual.first_pause, usual.longest_pause);
-    let mut rng = StdRng::seed_from_u64(seed);
-    let mut logged = String::new();
-    loop {
-        let error = match connector(supervision.clone()).await {
-            Err(error) if !error.is_final() => error.to_string(),
-            answered => return answered,
-        };
-        attempts.0.fetch_add(1, Ordering::Relaxed);
-        if error != logged {
-            tracing::info!("{error}; trying until it answers, Ctrl-C ends");
-            logged = error;
-        }
-        sleep(backoff.next(&mut rng)).await;
     }
 }

@@ -36,7 +36,9 @@ pub(super) struct Gallery {
 }
 
 impl Gallery {
-    pub(super) fn open(folder: PathBuf, limits: &Limits) -> io::Result<Gallery> {
+    /// `blocking`: for virtual time, in which any thread appears slow, [`Gallery::offer`] waits until
+    /// the previous picture was taken from the queue.
+    pub(super) fn open(folder: PathBuf, limits: &Limits, blocking: bool) -> io::Result<Gallery> {
         let (frames, waiting) = sync_channel::<AnnotatedFrame>(1);
         let (complaints, trouble) = sync_channel(1);
         let ring = Ring::new(folder, limits);
@@ -55,16 +57,8 @@ impl Gallery {
             frames: Some(frames),
             trouble: Some(trouble),
             thread: Some(thread),
-            blocking: false,
+            blocking,
         })
-    }
-
-    /// For virtual time, in which any thread appears slow: [`Gallery::offer`] waits until the
-    /// previous picture was taken from the queue.
-    pub(super) fn blocking(self) -> Gallery {
-        let mut gallery = self;
-        gallery.blocking = true;
-        gallery
     }
 
     /// Skips the picture if the queue is full; never waits, unless the gallery is blocking.
@@ -245,7 +239,7 @@ mod tests {
     #[test]
     fn the_last_picture_is_written_before_the_drop_returns() {
         let root = tempfile::tempdir().unwrap();
-        let gallery = Gallery::open(root.path().to_owned(), &Limits::default()).unwrap();
+        let gallery = Gallery::open(root.path().to_owned(), &Limits::default(), false).unwrap();
         gallery.offer(annotated(1));
         drop(gallery);
         let kept = image::open(root.path().join("00.jpg")).unwrap().to_rgb8();
@@ -268,7 +262,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut gallery = Gallery::open(file.join("folder"), &Limits::default()).unwrap();
+        let mut gallery = Gallery::open(file.join("folder"), &Limits::default(), false).unwrap();
         gallery.offer(annotated(1));
         let trouble = loop {
             if let Some(trouble) = gallery.take_error() {

@@ -16,7 +16,7 @@ use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
 use crate::robot::{Detection, EndReason};
-use crate::sandbox::{SandboxPolicy, confine};
+use crate::sandbox;
 use crate::script::{
     AnnotatedFrame, LabelledBlob, Level, LogLine, Options, Output, Script, ScriptExit,
 };
@@ -32,25 +32,7 @@ pub const STACK: usize = 8 << 20;
 
 /// Runs a host process; the arguments describe its `SandboxPolicy`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    let life = std::thread::Builder::new()
-        .name("vm".into())
-        .stack_size(STACK);
-    let policy =
-        SandboxPolicy::of_arguments(arguments).ok_or_else(|| io::ErrorKind::InvalidInput.into());
-    let ended = policy
-        .and_then(|(parent, policy)| confine(parent, &policy))
-        .and_then(|_| life.spawn(over_stdin))
-        .and_then(|vm| {
-            vm.join()
-                .unwrap_or_else(|_| Err(io::Error::other("the host panicked")))
-        });
-    match ended {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("behaviour host: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    sandbox::confined_main(arguments, "vm", STACK, over_stdin)
 }
 
 fn over_stdin() -> io::Result<()> {
@@ -137,19 +119,14 @@ fn open_gallery(options: &Options, time: Time) -> io::Result<Option<Gallery>> {
     let Some(folder) = options.annotate_dir.clone() else {
         return Ok(None);
     };
-    let gallery = Gallery::open(folder, &options.limits)?;
-    Ok(Some(match time {
-        Time::Real => gallery,
-        Time::Virtual => gallery.blocking(),
-    }))
+    let blocking = time == Time::Virtual;
+    Gallery::open(folder, &options.limits, blocking).map(Some)
 }
 
 fn open_store(options: &Options, time: Time) -> Option<StoreWriter> {
     let folder = options.data_dir.clone()?;
-    Some(match time {
-        Time::Real => StoreWriter::new(folder, &options.limits),
-        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
-    })
+    let write_at_end = time == Time::Virtual;
+    Some(StoreWriter::new(folder, &options.limits, write_at_end))
 }
 
 struct Host {

@@ -34,17 +34,6 @@ pub struct Inspected {
     pub required: Vec<Required>,
 }
 
-#[derive(Debug, thiserror::Error)]
-pub enum InspectionError {
-    /// The request or the reply cannot be encoded or decoded.
-    #[error(transparent)]
-    Message(#[from] postcard::Error),
-    /// The process gave no reply.
-    #[error(transparent)]
-    Worker(#[from] WorkerError),
-}
-
-/// Starts inspection processes.
 #[derive(Debug, Clone)]
 pub struct Inspector(Worker);
 
@@ -66,28 +55,25 @@ impl Inspector {
         source: &[u8],
         options: &Options,
         folder: &str,
-    ) -> Result<Inspected, InspectionError> {
+    ) -> Result<Inspected, WorkerError> {
         let question = Question {
             source: source.to_vec(),
             options: options.clone(),
             folder: folder.to_owned(),
         };
-        let question = postcard::to_allocvec(&question)?;
+        let broken = |error: postcard::Error| WorkerError::Broken(error.to_string());
+        let question = postcard::to_allocvec(&question).map_err(broken)?;
         let policy = SandboxPolicy {
             cpu_seconds: LIMIT.as_secs(),
             ..SandboxPolicy::default()
         };
         let answer = self.0.ask(&policy, &question, LIMIT, &|| true)?;
-        Ok(postcard::from_bytes(&answer)?)
+        postcard::from_bytes(&answer).map_err(broken)
     }
 
     /// Returns the errors that prevent the script from running with these options, without the
     /// warnings.
-    pub fn errors(
-        &self,
-        source: &[u8],
-        options: &Options,
-    ) -> Result<Vec<Diagnostic>, InspectionError> {
+    pub fn errors(&self, source: &[u8], options: &Options) -> Result<Vec<Diagnostic>, WorkerError> {
         let mut diagnostics = self.inspect(source, options, "")?.diagnostics;
         diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
         Ok(diagnostics)

@@ -22,7 +22,6 @@ use crate::script::{ModuleFile, ModuleName, NoModule, Options, Output, ScriptExi
 pub struct Launch {
     /// The script's text, exactly as in its file.
     pub source: Vec<u8>,
-    /// The VM's options.
     pub options: Options,
     /// Where `require` finds files. Not sent to the host.
     #[serde(skip)]
@@ -79,7 +78,6 @@ pub enum FromHost {
     },
     /// The objects that the script found in a frame, for viewers.
     Found {
-        /// The frame's number.
         frame: u64,
         list: Vec<Detection>,
     },

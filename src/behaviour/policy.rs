@@ -5,13 +5,14 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+use rand::SeedableRng;
 use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use tokio::time::Instant;
 
+use crate::rate_limit::Backoff;
 use crate::robot::{EndReason, Seconds, whole_within};
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -170,12 +171,11 @@ impl RestartTracker {
         if count >= restarts.max_restarts {
             return RestartDecision::GivenUp;
         }
-        let step = restarts
-            .first_pause
-            .saturating_mul(2_u32.saturating_pow(count))
-            .min(restarts.max_pause);
-        // Random in the upper half, so that several behaviours do not restart at the same instant.
-        let pause = step.mul_f64(self.rng.random_range(0.5..=1.0));
+        let mut backoff = Backoff::new(restarts.first_pause, restarts.max_pause);
+        for _ in 0..count {
+            backoff.step();
+        }
+        let pause = backoff.next(&mut self.rng);
         self.restarts.push_back(now + pause);
         let number = count + 1;
         RestartDecision::Again { pause, number }

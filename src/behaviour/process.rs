@@ -2,17 +2,15 @@
 //! standard input and no other open files. In virtual time a host is a task on this thread instead,
 //! with the same code and messages but without the isolation of a process.
 
-use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::process::ExitStatus;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
-use tokio::runtime::{Handle, Handle as Runtime};
-use tokio::sync::mpsc;
+use tokio::runtime::Handle as Runtime;
+use tokio::sync::{mpsc, watch};
 use tokio::task::{AbortHandle, JoinHandle};
 use tokio::time::timeout;
 
@@ -23,7 +21,8 @@ use super::limiter::{LogLimiter, ReportLimiter};
 use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::robot::channel::Request;
+use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::sandbox::{self, SandboxPolicy};
 use crate::script::{ModuleName, NoModule, ScriptExit};
 
@@ -83,7 +82,7 @@ impl Launcher {
     pub(super) fn start(
         &self,
         folders: &[&Path],
-        core: &Handle,
+        core: &Runtime,
     ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
         for folder in folders {
             make_private(folder)?;
@@ -98,7 +97,7 @@ impl Launcher {
 fn start_child(
     executable: &Path,
     folders: &[&Path],
-    core: &Handle,
+    core: &Runtime,
 ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
     let policy = SandboxPolicy {
         write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
@@ -151,26 +150,9 @@ pub(super) enum HostProcess {
     Over,
 }
 
-#[derive(Debug)]
-pub(super) enum Exit {
-    Process(ExitStatus),
-    /// The error; empty if there was none.
-    Task(String),
-}
-
-impl fmt::Display for Exit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Exit::Process(status) => status.fmt(f),
-            Exit::Task(words) if words.is_empty() => f.write_str("returned"),
-            Exit::Task(words) => f.write_str(words),
-        }
-    }
-}
-
 impl HostProcess {
     /// Sends SIGKILL and reaps the process; a task is aborted at its current await point.
-    pub(super) async fn kill(&mut self) -> io::Result<Exit> {
+    pub(super) async fn kill(&mut self) -> io::Result<String> {
         match self {
             HostProcess::Child(child) => child.start_kill()?,
             HostProcess::Task(task) => task.abort(),
@@ -179,20 +161,20 @@ impl HostProcess {
         self.wait().await
     }
 
-    /// Waits until the host has ended on its own. Cancel-safe.
-    pub(super) async fn wait(&mut self) -> io::Result<Exit> {
+    /// Waits until the host has ended on its own; returns how. Cancel-safe.
+    pub(super) async fn wait(&mut self) -> io::Result<String> {
         let ended = match self {
-            HostProcess::Child(child) => return child.wait().await.map(Exit::Process),
+            HostProcess::Child(child) => return Ok(child.wait().await?.to_string()),
             HostProcess::Task(task) => task.await,
-            HostProcess::Over => return Ok(Exit::Task(String::new())),
+            HostProcess::Over => return Ok("returned".to_owned()),
         };
         *self = HostProcess::Over;
-        Ok(Exit::Task(match ended {
-            Ok(Ok(())) => String::new(),
+        Ok(match ended {
+            Ok(Ok(())) => "returned".to_owned(),
             Ok(Err(error)) => error.to_string(),
             Err(error) if error.is_cancelled() => "killed".to_owned(),
             Err(_) => "it panicked".to_owned(),
-        }))
+        })
     }
 
     /// Returns what a host that has ended wrote to its standard error: nothing, unless it failed.
@@ -227,6 +209,23 @@ const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a host may take to exit after it reported its end.
 pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
 
+/// What hosts need of their agent.
+#[derive(Debug, Clone)]
+pub struct HostContext {
+    pub launcher: Launcher,
+    /// Serves their pipes.
+    pub core: Runtime,
+    pub requests: mpsc::Sender<Request>,
+    pub frames: watch::Receiver<Pictures>,
+    /// How long a host may be silent before it is ended, whether it drives or not. While it drives,
+    /// the watchdog is stricter.
+    pub longest_silence: Duration,
+    /// Publishes the scripts' detections in frames, and their parameters.
+    pub viewers: ViewerChannel,
+    /// Publishes the scripts' reports (entries, notices, pictures).
+    pub bus: Bus,
+}
+
 /// A behaviour whose script is loaded but does not run yet.
 #[derive(Debug)]
 pub struct Prepared {
@@ -245,15 +244,14 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Starts a host and lets it load the script; the runtime `core` serves its pipe. The error is
-    /// in words for the script's author.
+    /// Starts a host and lets it load the script. The error is in words for the script's author.
     pub async fn start(
-        launcher: &Launcher,
-        core: &Runtime,
+        context: &HostContext,
         by: BehaviourId,
         priority: Priority,
         launch: Launch,
     ) -> Result<Prepared, ScriptExit> {
+        let HostContext { launcher, core, .. } = context;
         let name = launch.options.name.clone();
         let broken = |error: io::Error| {
             exit(
@@ -302,7 +300,7 @@ impl Prepared {
             Ok(status) => status,
             Err(_) => self.process.kill().await,
         };
-        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let status = status.unwrap_or_else(|error| error.to_string());
         let words = timeout(EXIT_TIME, self.process.last_words())
             .await
             .unwrap_or_default();

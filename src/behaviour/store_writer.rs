@@ -27,7 +27,6 @@ const SLOW_PACE: Duration = Duration::from_secs(60);
 #[derive(Debug)]
 pub(super) struct StoreWriter {
     folder: PathBuf,
-    /// The write in progress.
     writing: Option<Writing>,
     start: fn(PathBuf, Bytes, u64) -> io::Result<Writing>,
     /// The last problem, until [`StoreWriter::take_error`] takes it.
@@ -37,7 +36,7 @@ pub(super) struct StoreWriter {
     unsent: Option<Bytes>,
     /// The last problem that was reported.
     last_error: Option<String>,
-    /// Writes only at the end: see [`StoreWriter::at_the_end`].
+    /// Writes only at the end: see [`StoreWriter::new`].
     write_at_end: bool,
     day: Budget,
     free: u64,
@@ -49,7 +48,9 @@ pub(super) struct StoreWriter {
 type Writing = JoinHandle<Result<(), (Bytes, io::Error)>>;
 
 impl StoreWriter {
-    pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
+    /// `write_at_end`: for virtual time, in which a disk write would take a long and varying time, the
+    /// file is written once, when the script ends or is ended.
+    pub(super) fn new(folder: PathBuf, limits: &Limits, write_at_end: bool) -> StoreWriter {
         StoreWriter {
             folder,
             writing: None,
@@ -58,19 +59,11 @@ impl StoreWriter {
             next: None,
             unsent: None,
             last_error: None,
-            write_at_end: false,
+            write_at_end,
             day: Budget::new(limits.bytes_a_day),
             free: limits.free_bytes,
             slow: None,
         }
-    }
-
-    /// Same as [`StoreWriter::new`], but for virtual time, in which a disk write would take a long
-    /// and varying time: the file is written once, when the script ends or is ended.
-    pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> StoreWriter {
-        let mut writer = StoreWriter::new(folder, limits);
-        writer.write_at_end = true;
-        writer
     }
 
     /// Returns the content that an earlier run saved; `None` if there is none.
@@ -225,7 +218,7 @@ mod tests {
     fn the_last_content_is_written_at_the_end_and_is_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
-        let mut writer = StoreWriter::new(folder.clone(), &Limits::default());
+        let mut writer = StoreWriter::new(folder.clone(), &Limits::default(), false);
         assert!(writer.read().unwrap().is_none());
         let now = Instant::now();
         for number in 0..20 {
@@ -243,17 +236,17 @@ mod tests {
     fn in_virtual_time_it_is_written_once_however_the_host_ends() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join(NAME);
-        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default(), true);
         writer.offer(Some(b"one".to_vec()), Instant::now());
         writer.offer(Some(b"two".to_vec()), Instant::now());
         assert!(!file.exists() && !writer.is_behind());
         drop(writer);
         assert_eq!(fs::read(&file).unwrap(), b"two");
-        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default(), true);
         writer.offer(Some(b"three".to_vec()), Instant::now());
         assert_eq!(writer.finish(None), None);
         assert_eq!(fs::read(&file).unwrap(), b"three");
-        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default(), true);
         writer.offer(Some(b"four".to_vec()), Instant::now());
         assert_eq!(writer.finish(Some(b"five".to_vec())), None);
         drop(writer);
@@ -265,7 +258,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(".unfinished-7.jpg"), "JP").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();
-        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default(), false);
         assert_eq!(writer.read().unwrap().unwrap(), b"{}");
         assert_eq!(writer.finish(Some(b"new".to_vec())), None);
         assert_eq!(writer.read().unwrap().unwrap(), b"new");
@@ -277,7 +270,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(NAME), "{ torn").unwrap();
         let warning =
-            StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
+            StoreWriter::new(root.path().to_owned(), &Limits::default(), false).set_aside("torn");
         assert!(
             warning.contains("store.json.bad") && warning.contains("torn"),
             "{warning}"
@@ -293,7 +286,7 @@ mod tests {
         fs::create_dir(path("elsewhere")).unwrap();
         fs::write(path("elsewhere/store.json"), "{}").unwrap();
         symlink(path("elsewhere"), path("data")).unwrap();
-        let mut writer = StoreWriter::new(path("data"), &Limits::default());
+        let mut writer = StoreWriter::new(path("data"), &Limits::default(), false);
         assert!(writer.read().is_err());
         assert!(
             writer
@@ -304,7 +297,7 @@ mod tests {
         assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
         fs::create_dir(path("own")).unwrap();
         symlink(path("elsewhere/store.json"), path("own/store.json")).unwrap();
-        let mut writer = StoreWriter::new(path("own"), &Limits::default());
+        let mut writer = StoreWriter::new(path("own"), &Limits::default(), false);
         assert!(writer.read().is_err());
         assert_eq!(writer.finish(Some(b"1".to_vec())), None);
         assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
@@ -318,7 +311,7 @@ mod tests {
             bytes_a_day: 48,
             ..Limits::default()
         };
-        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits, false);
         let now = Instant::now();
         writer.offer(Some(b"12".to_vec()), now);
         assert!(writer.is_due(now + PACE) && writer.take_error().is_none());
@@ -337,7 +330,7 @@ mod tests {
             free_bytes: 1 << 50,
             ..Limits::default()
         };
-        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits, false);
         let warning = writer.finish(Some(b"1".to_vec())).unwrap();
         assert!(warning.contains("disk"), "{warning}");
         assert!(!root.path().join(NAME).exists());
@@ -346,7 +339,7 @@ mod tests {
     #[test]
     fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
         let root = tempfile::tempdir().unwrap();
-        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default(), false);
         writer.start = |_, _, _| Err(io::Error::other("no more threads"));
         let now = Instant::now();
         writer.offer(Some(b"1".to_vec()), now);
@@ -366,7 +359,7 @@ mod tests {
     fn obstructed(root: &Path) -> (StoreWriter, PathBuf) {
         let obstacle = root.join(".unfinished-store.json");
         fs::create_dir(&obstacle).unwrap();
-        let writer = StoreWriter::new(root.to_owned(), &Limits::default());
+        let writer = StoreWriter::new(root.to_owned(), &Limits::default(), false);
         (writer, obstacle)
     }
 
@@ -397,27 +390,19 @@ mod tests {
     }
 
     #[test]
-    fn content_whose_write_failed_is_written_at_the_end() {
-        let root = tempfile::tempdir().unwrap();
-        let (mut writer, obstacle) = obstructed(root.path());
-        writer.offer(Some(b"1".to_vec()), Instant::now());
-        wait_until(|| writer.take_error().is_some());
-        fs::remove_dir(obstacle).unwrap();
-        assert_eq!(writer.finish(None), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"1");
-    }
-
-    #[test]
-    fn content_whose_write_failed_never_replaces_newer_content() {
-        let root = tempfile::tempdir().unwrap();
-        let (mut writer, obstacle) = obstructed(root.path());
-        let now = Instant::now();
-        writer.offer(Some(b"1".to_vec()), now);
-        writer.offer(Some(b"2".to_vec()), now + PACE);
-        wait_until(|| writer.take_error().is_some());
-        fs::remove_dir(obstacle).unwrap();
-        assert_eq!(writer.finish(None), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"2");
+    fn content_whose_write_failed_is_written_at_the_end_unless_there_is_newer_content() {
+        for offered in [&[b"1"][..], &[b"1", b"2"]] {
+            let root = tempfile::tempdir().unwrap();
+            let (mut writer, obstacle) = obstructed(root.path());
+            let now = Instant::now();
+            for content in offered {
+                writer.offer(Some(content.to_vec()), now);
+            }
+            wait_until(|| writer.take_error().is_some());
+            fs::remove_dir(obstacle).unwrap();
+            assert_eq!(writer.finish(None), None);
+            assert_eq!(writer.read().unwrap().unwrap(), offered[offered.len() - 1]);
+        }
     }
 
     #[test]
@@ -425,7 +410,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut writer = StoreWriter::new(file.join("data"), &Limits::default());
+        let mut writer = StoreWriter::new(file.join("data"), &Limits::default(), false);
         assert!(writer.finish(Some(b"1".to_vec())).is_some());
     }
 }

@@ -4,7 +4,6 @@
 
 use std::time::Duration;
 
-use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
@@ -12,10 +11,10 @@ use tracing::{debug, warn};
 
 use super::limiter::{Admission, log};
 use super::message::{FromHost, PromptCommand, ToHost};
-use super::process::{EXIT_TIME, Prepared, exit};
+use super::process::{EXIT_TIME, HostContext, Prepared, exit};
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
-use crate::robot::{Bus, Detections, EndReason, HostReport, ParamChange, Pictures, ViewerChannel};
+use crate::robot::{Detections, EndReason, HostReport, ParamChange, Pictures};
 use crate::script::{Evaluated, LogLine, Output, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
@@ -36,15 +35,29 @@ impl Handle {
         self.stop
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
     }
+
+    /// Why it was told to end, if it was.
+    pub fn reason(&self) -> Option<EndReason> {
+        *self.stop.borrow()
+    }
+
+    /// Waits until it is told to end. Cancel-safe.
+    pub async fn stopped(&self) -> EndReason {
+        let mut stop = self.stop.subscribe();
+        let reason = stop.wait_for(Option::is_some).await;
+        reason
+            .ok()
+            .and_then(|reason| *reason)
+            .unwrap_or(EndReason::Shutdown)
+    }
 }
 
 /// Supervises a prepared behaviour while it runs.
 #[derive(Debug)]
 pub struct Supervisor {
     host: Prepared,
-    requests: mpsc::Sender<Request>,
+    context: HostContext,
     inbox: EventReceiver,
-    frames: watch::Receiver<Pictures>,
     last_frame: u64,
     /// The frame passed on before that.
     last_but_one: u64,
@@ -53,18 +66,18 @@ pub struct Supervisor {
     repl_channel: Option<ReplChannel>,
     is_running: bool,
     liveness: Option<Liveness>,
-    viewers: ViewerChannel,
     /// Parameter changes by users.
     param_changes: broadcast::Receiver<ParamChange>,
-    bus: Bus,
 }
 
 impl Supervisor {
+    /// Registers the behaviour with the pilot; `repl_channel` connects a prompt, whose user types
+    /// lines for the script and reads its output.
     pub async fn register(
         host: Prepared,
         role: Role,
-        requests: mpsc::Sender<Request>,
-        frames: watch::Receiver<Pictures>,
+        context: HostContext,
+        repl_channel: Option<ReplChannel>,
     ) -> Supervisor {
         let (events, inbox) = events();
         let join = Request::Join {
@@ -74,67 +87,37 @@ impl Supervisor {
             role,
             events,
         };
-        let _ = requests.send(join).await;
-        let viewers = ViewerChannel::default();
+        let _ = context.requests.send(join).await;
+        let limit = context.longest_silence;
         Supervisor {
+            liveness: if host.in_real_time {
+                Some(Liveness {
+                    limit,
+                    last_message: None,
+                    grace: None,
+                })
+            } else {
+                None
+            },
             host,
-            requests,
             inbox,
-            frames,
             last_frame: 0,
             last_but_one: 0,
             frame_wanted: false,
             dropped: 0,
-            repl_channel: None,
+            repl_channel,
             is_running: false,
-            liveness: None,
-            param_changes: viewers.params().changes(),
-            viewers,
-            bus: Bus::default(),
+            param_changes: context.viewers.params().changes(),
+            context,
         }
     }
 
-    /// Publishes the script's reports (entries, notices, pictures) on this bus.
-    #[must_use]
-    pub fn with_bus(self, bus: Bus) -> Supervisor {
-        Supervisor { bus, ..self }
-    }
-
-    /// Publishes the script's detections in frames, and its parameters, through this channel.
-    #[must_use]
-    pub fn with_viewers(self, viewers: ViewerChannel) -> Supervisor {
-        Supervisor {
-            param_changes: viewers.params().changes(),
-            viewers,
-            ..self
-        }
-    }
-
-    /// Connects a prompt, whose user types lines for the script and reads its output.
-    #[must_use]
-    pub fn with_repl_channel(self, repl_channel: ReplChannel) -> Supervisor {
-        Supervisor {
-            repl_channel: Some(repl_channel),
-            ..self
-        }
-    }
-
-    /// Sets how long the host may be silent before it is ended, whether it drives or not. While it
-    /// drives, the watchdog is stricter.
-    #[must_use]
-    pub fn with_longest_silence(mut self, limit: Duration) -> Supervisor {
-        if self.host.in_real_time {
-            self.liveness = Some(Liveness::new(limit));
-        }
-        self
-    }
-
-    /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
-    /// as soon as it has ended.
-    pub async fn run(self, handle: Handle, core: &Runtime) -> ScriptExit {
-        let requests = self.requests.clone();
+    /// Runs the behaviour to its end. The pilot is informed as soon as it has ended.
+    pub async fn run(self, handle: Handle) -> ScriptExit {
+        let core = self.context.core.clone();
+        let requests = self.context.requests.clone();
         let by = self.host.by;
-        let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
+        let served = core.spawn(self.serve_to_the_end(handle));
         let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
             let _ = requests.send(Request::Gone(by)).await;
             return self::exit(EndReason::Error, "internal error: its supervisor panicked");
@@ -148,13 +131,14 @@ impl Supervisor {
         exit
     }
 
-    async fn serve_to_the_end(
-        mut self,
-        mut stop: watch::Receiver<Option<EndReason>>,
-    ) -> (Supervisor, Option<ScriptExit>) {
-        let exit = self.serve(&mut stop).await;
-        let _ = self.requests.send(Request::Gone(self.host.by)).await;
-        self.viewers.params().forget(&self.host.name);
+    async fn serve_to_the_end(mut self, handle: Handle) -> (Supervisor, Option<ScriptExit>) {
+        let exit = self.serve(&handle).await;
+        let _ = self
+            .context
+            .requests
+            .send(Request::Gone(self.host.by))
+            .await;
+        self.context.viewers.params().forget(&self.host.name);
         if self.dropped > 0 {
             warn!(
                 behaviour = %self.host.name,
@@ -166,7 +150,7 @@ impl Supervisor {
     }
 
     /// Serves the behaviour until it has ended; `None` if its host ended without a report.
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<ScriptExit> {
+    async fn serve(&mut self, handle: &Handle) -> Option<ScriptExit> {
         let mut last_moment = None;
         let picture = self.inbox.picture();
         loop {
@@ -177,7 +161,7 @@ impl Supervisor {
                         return Some(exit);
                     }
                 }
-                Some(reason) = requested(stop), if last_moment.is_none() => {
+                reason = handle.stopped(), if last_moment.is_none() => {
                     self.pass_on(ToHost::Stop(reason));
                     self.is_running = self.is_running || self.pass_on(ToHost::Run);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
@@ -265,14 +249,18 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.viewers.send(Detections {
+                return self.context.viewers.send(Detections {
                     behaviour,
                     frame,
                     list,
                 });
             }
             FromHost::Output(Output::Params(params)) => {
-                return self.viewers.params().declare(&self.host.name, params);
+                return self
+                    .context
+                    .viewers
+                    .params()
+                    .declare(&self.host.name, params);
             }
             FromHost::Output(Output::Log(line)) => return self.write(line),
             FromHost::Output(Output::HostReport(report)) => return self.report(report),
@@ -289,7 +277,7 @@ impl Supervisor {
             }
             FromHost::Ready | FromHost::Ended(_) => return,
         };
-        let _ = self.requests.send(request).await;
+        let _ = self.context.requests.send(request).await;
     }
 
     fn write(&mut self, line: LogLine) {
@@ -313,7 +301,7 @@ impl Supervisor {
 
     fn report(&mut self, report: HostReport) {
         match self.host.report_limiter.admit(report, Instant::now()) {
-            Admission::Passed(what) => self.bus.publish(what),
+            Admission::Passed(what) => self.context.bus.publish(what),
             Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,
@@ -326,7 +314,7 @@ impl Supervisor {
 
     /// Passes on the newest frame, unless it was already.
     fn pass_picture(&mut self) {
-        let newest = self.frames.borrow().newest.clone();
+        let newest = self.context.frames.borrow().newest.clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return;
         };
@@ -338,7 +326,7 @@ impl Supervisor {
     /// Replaces a damaged frame: passes on the frame before it, unless that one was passed on too
     /// or a newer one has arrived.
     fn pass_previous(&mut self) {
-        let Pictures { newest, before } = self.frames.borrow().clone();
+        let Pictures { newest, before } = self.context.frames.borrow().clone();
         let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
         match before.filter(|frame| still_newest && frame.seq > self.last_but_one) {
             Some(frame) => {
@@ -392,12 +380,6 @@ impl Supervisor {
     }
 }
 
-/// Waits for the reason to end; a reason that was there before counts too.
-async fn requested(stop: &mut watch::Receiver<Option<EndReason>>) -> Option<EndReason> {
-    let reason = stop.wait_for(Option::is_some).await;
-    reason.ok().and_then(|reason| *reason)
-}
-
 /// Extra time, granted once, to a host that was silent for too long: a stall of the whole machine
 /// must not end its scripts.
 const SILENCE_GRACE: Duration = Duration::from_millis(500);
@@ -413,15 +395,6 @@ struct Liveness {
 }
 
 impl Liveness {
-    /// Starts to count at the first call of [`Liveness::reset`].
-    fn new(limit: Duration) -> Liveness {
-        Liveness {
-            limit,
-            last_message: None,
-            grace: None,
-        }
-    }
-
     fn reset(&mut self) {
         (self.last_message, self.grace) = (Some(Instant::now()), None);
     }

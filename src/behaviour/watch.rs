@@ -21,11 +21,6 @@ const PERIOD: Duration = Duration::from_millis(250);
 /// A save is complete when the file has not changed for this long.
 const SETTLED: Duration = Duration::from_millis(200);
 
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reload {
-    pub source: Vec<u8>,
-}
-
 /// Reads a script: at most one byte more than it may have, so that a longer one can be reported.
 /// Fails if it is not a regular file but, for example, a pipe.
 pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
@@ -60,7 +55,7 @@ impl ScriptWatcher {
 
     /// Sends the text after every save, until the receiver is dropped. Saving an unchanged text
     /// counts too: this is how a script that has ended is started again.
-    pub async fn run(mut self, reloads: mpsc::Sender<Reload>) {
+    pub async fn run(mut self, reloads: mpsc::Sender<Vec<u8>>) {
         loop {
             tokio::select! {
                 () = reloads.closed() => return,
@@ -76,7 +71,7 @@ impl ScriptWatcher {
             let module = self.is_module_saved(modules, now);
             if (self.detector.is_complete(state, now) || module)
                 && let Some(source) = self.read(state).await
-                && reloads.send(Reload { source }).await.is_err()
+                && reloads.send(source).await.is_err()
             {
                 return;
             }
@@ -247,11 +242,11 @@ mod tests {
         let (reloads, mut received) = mpsc::channel(1);
         let watching = tokio::spawn(watched.run(reloads));
         std::fs::write(&file, "two, longer").unwrap();
-        assert_eq!(received.recv().await.unwrap().source, b"two, longer");
+        assert_eq!(received.recv().await.unwrap(), b"two, longer");
         let other = folder.path().join("script.lua~");
         std::fs::write(&other, "three").unwrap();
         std::fs::rename(&other, &file).unwrap();
-        assert_eq!(received.recv().await.unwrap().source, b"three");
+        assert_eq!(received.recv().await.unwrap(), b"three");
         drop(received);
         watching.await.unwrap();
     }

@@ -19,10 +19,7 @@ use super::startup::{
 use super::status::{StatusLine, show};
 use super::world::{EmbeddedSim, TraceFile};
 use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, notify};
-use crate::agent::{
-    Agent, AgentError, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan,
-    retry_until_connected,
-};
+use crate::agent::{Agent, AgentError, Behaviour, BehaviourSpec, Bus, Outcome, Plan};
 use crate::behaviour::is_failure;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Effective};
@@ -75,7 +72,6 @@ pub(super) struct StartedRun {
 /// The parts around the agent.
 struct Parts {
     plan: Plan,
-    attempts: ConnectAttempts,
     server: io::Result<ControlServer>,
     emergency_stop: EmergencyStop,
     account: Option<Account>,
@@ -101,10 +97,8 @@ impl RunSetup<'_> {
         let emergency_stop = emergency_stop(config, simulated, &bus);
         let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
-        let attempts = ConnectAttempts::default();
         let parts = Parts {
-            plan: self.plan(&core, &bus, &attempts)?,
-            attempts,
+            plan: self.plan(&core, &bus)?,
             server,
             emergency_stop: emergency_stop.clone(),
             account: fleet::account_of_run(settings)?,
@@ -132,18 +126,11 @@ impl RunSetup<'_> {
         outcome.and_then(|exit| drawn.map(|()| exit))
     }
 
-    fn plan(
-        &mut self,
-        core: &DrivingCore,
-        bus: &Bus,
-        attempts: &ConnectAttempts,
-    ) -> Result<Plan, Failure> {
+    fn plan(&mut self, core: &DrivingCore, bus: &Bus) -> Result<Plan, Failure> {
         let config = &self.robot.config;
         let simulated = self.robot.sim.is_some();
-        let mut connector = self.robot.connector();
-        if self.waits {
-            connector = retry_until_connected(connector, self.seed, attempts.clone());
-        }
+        let mut settings = config.pilot(simulated, self.seed);
+        settings.waits = self.waits;
         let mut heartbeat = heartbeat(simulated, guardian_files(config))?;
         if let Some(service) = &self.service {
             heartbeat = heartbeat.notify_beats(service.beats.clone());
@@ -152,8 +139,8 @@ impl RunSetup<'_> {
             behaviours: std::mem::take(&mut self.behaviours),
             specs: std::mem::take(&mut self.specs),
             stays: self.page.is_some() || self.service.is_some(),
-            settings: config.pilot(simulated, self.seed),
-            connector,
+            settings,
+            connector: self.robot.connector(),
             launcher: launcher()?,
             core: core.handle().clone(),
             heartbeat: Some(heartbeat),
@@ -207,7 +194,7 @@ impl RunSetup<'_> {
         let page = page.map(|page| page.serve(shared.clone(), console));
         let _page = page.transpose()?;
         let mqtt = fleet::start_broker(&bus, &shared, parts.account);
-        let line = StatusLine::new(self.names, sim, parts.attempts);
+        let line = StatusLine::new(self.names, sim);
         let started = StartedRun {
             agent,
             status: status.clone(),

@@ -11,13 +11,13 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 use crate::agent::{Behaviour, BehaviourSpec, RosterError};
-use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
+use crate::behaviour::{self, Launch, Library, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
 use crate::script::{self, GivenParam, Options, ParamOrigin, ParamValue, suggestion};
 
 /// A watched behaviour file and the channel for its reloads.
-pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Reload>);
+pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Vec<u8>>);
 
 pub(super) struct BehaviourLoader<'a> {
     pub(super) config: &'a Config,

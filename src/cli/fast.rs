@@ -19,7 +19,7 @@ use super::interrupt::TerminatingSignals;
 use super::startup::runtime;
 use super::status::{StatusLine, show};
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Bus, ConnectAttempts};
+use crate::agent::{AgentError, Bus};
 use crate::clock::{Date, hours};
 use crate::config::Config;
 use crate::journal::{self, SimulationJournal};
@@ -96,7 +96,7 @@ impl FastSetup<'_> {
                 let factor = factor(simulated, began.elapsed());
                 format!("{} ({factor:.0}x) · ", hours(simulated))
             };
-            let line = StatusLine::new(self.names, Some(sim.clone()), ConnectAttempts::default());
+            let line = StatusLine::new(self.names, Some(sim.clone()));
             show(line, status, console, self.is_service, prefix).await
         };
         let watched = watch_over(simulate, stop, showing, console);

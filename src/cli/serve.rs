@@ -200,7 +200,7 @@ fn fast(
         let mut plan = simulation.plan(Vec::new());
         plan.limit = limit;
         let no_record = RecordFile::default();
-        let service = Service::in_simulation(plan, loaded.service_plan, no_record, seed);
+        let service = Service::in_simulation(plan, loaded.service_plan, no_record);
         let _ = opened.send((service.status.clone(), simulation.sim().clone()));
         exit_of(service.run(stop).await, true)
     })

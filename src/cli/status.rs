@@ -8,7 +8,6 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::Console;
-use crate::agent::ConnectAttempts;
 use crate::clock::every;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
@@ -26,7 +25,6 @@ const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
-    attempts: ConnectAttempts,
     last_count: (Instant, u64),
     rate: f64,
     last_reported: Option<(Instant, StatusKey)>,
@@ -44,16 +42,11 @@ struct StatusKey {
 impl StatusLine {
     /// Creates the line for behaviours with these names. With a simulator it shows the robot's true
     /// position; before the first connection it shows the number of failed attempts.
-    pub(super) fn new(
-        behaviours: String,
-        sim: Option<Handle>,
-        attempts: ConnectAttempts,
-    ) -> StatusLine {
+    pub(super) fn new(behaviours: String, sim: Option<Handle>) -> StatusLine {
         let last_count = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
-            attempts,
             last_count,
             rate: 0.0,
             last_reported: None,
@@ -63,7 +56,7 @@ impl StatusLine {
     fn draw(&mut self, status: &Status) -> String {
         self.count(status.frames);
         let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
-        let mut parts = vec![self.state(status), format!("battery {battery}")];
+        let mut parts = vec![state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
             let state = sim.state();
             let pose = state.pose;
@@ -95,19 +88,6 @@ impl StatusLine {
         Some(self.draw(status))
     }
 
-    fn state(&self, status: &Status) -> String {
-        match (status.link, self.attempts.count()) {
-            (LinkState::Connecting, attempts @ 1..) => {
-                format!("waiting for the robot, attempts so far: {attempts}")
-            }
-            (link, _) => match link.absence() {
-                Some(words) => words.to_owned(),
-                None if status.emergency_stop => "stopped by a person".to_owned(),
-                None => status.safety.to_string(),
-            },
-        }
-    }
-
     fn count(&mut self, frames: u64) {
         let (since, before) = self.last_count;
         let passed = since.elapsed();
@@ -115,6 +95,19 @@ impl StatusLine {
             self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
             self.last_count = (Instant::now(), frames);
         }
+    }
+}
+
+fn state(status: &Status) -> String {
+    match (status.link, status.attempts) {
+        (LinkState::Connecting, attempts @ 1..) => {
+            format!("waiting for the robot, attempts so far: {attempts}")
+        }
+        (link, _) => match link.absence() {
+            Some(words) => words.to_owned(),
+            None if status.emergency_stop => "stopped by a person".to_owned(),
+            None => status.safety.to_string(),
+        },
     }
 }
 

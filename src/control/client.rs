@@ -39,7 +39,6 @@ const STOP_TIMEOUT: Duration = Duration::from_secs(4);
 /// The same for a run on another computer, including name resolution and login.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 
-/// An active run.
 #[derive(Debug, Clone)]
 pub struct Client {
     transport: Transport,
@@ -79,7 +78,6 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
 /// How a run answered a STOP.
 #[derive(Debug)]
 pub struct StoppedRun {
-    /// Its process ID.
     pub pid: u32,
     /// Its state just before; `None` if it hangs.
     pub status: Option<RunStatus>,
@@ -157,9 +155,6 @@ async fn stop_run(
 
 impl Client {
     /// Connects to the run that this service hosts.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
         match ask_web(remote.clone(), &RunRequest::Status, CONNECT_TIMEOUT).await? {
             RunResponse::Status(status) => Ok(Client {
@@ -181,9 +176,6 @@ impl Client {
 
     /// Sends one request and waits for the answer at most this long. Dropping the future cancels a
     /// request on this computer; a remote one is cancelled only when this process ends.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub async fn ask(
         &self,
         request: &RunRequest,
@@ -275,12 +267,14 @@ pub enum AskError {
     /// No answer in time.
     #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
     TimedOut(Duration),
-    /// The run ended before it answered.
     #[error("the run has ended")]
     Ended,
     /// An error of the system, or a reply that is not HTTP.
     #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
+    /// The token is not valid in a header field.
+    #[error("the token contains characters that are not allowed in a token")]
+    Token,
     /// A service on another computer denies access.
     #[error("the service denies access: {0}")]
     Denied(String),
@@ -307,17 +301,9 @@ pub struct Remote {
     token: Option<HeaderValue>,
 }
 
-/// The token is not valid in a header field.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("the token contains characters that are not allowed in a token")]
-pub struct TokenError;
-
 impl Remote {
     /// A service at this address, with this token.
-    ///
-    /// # Errors
-    /// See [`TokenError`].
-    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, TokenError> {
+    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, AskError> {
         let token = token.map(|token| {
             let field = HeaderValue::from_str(&format!("Bearer {token}"));
             field.map(|mut field| {
@@ -325,19 +311,15 @@ impl Remote {
                 field
             })
         });
-        let token = token.transpose().map_err(|_| TokenError)?;
+        let token = token.transpose().map_err(|_| AskError::Token)?;
         Ok(Remote { url, token })
     }
 
-    /// The address.
     pub fn url(&self) -> &ServiceUrl {
         &self.url
     }
 
     /// Sends one request and waits for the answer at most this long. Blocks the calling thread.
-    ///
-    /// # Errors
-    /// See [`AskError`].
     pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<RunResponse, AskError> {
         let http_request = request.to_http(&self.url.to_string());
         let mut http_request = http_request.map_err(io::Error::other)?;
@@ -410,6 +392,9 @@ mod tests {
         let url: ServiceUrl = "http://10.0.0.7:7788".parse().unwrap();
         let remote = Remote::new(url.clone(), Some("s3cr3t")).unwrap();
         assert!(!format!("{remote:?}").contains("s3cr3t"));
-        assert_eq!(Remote::new(url, Some("a\nb")).unwrap_err(), TokenError);
+        assert!(matches!(
+            Remote::new(url, Some("a\nb")),
+            Err(AskError::Token)
+        ));
     }
 }

@@ -78,7 +78,13 @@ impl EmergencyStop {
         }
         let on = watch::Sender::new(kept);
         let (jobs, received) = mpsc::channel(MAX_JOBS);
-        let file = StopFile::new(data, &on, kept);
+        let file = StopFile {
+            data: data.to_owned(),
+            wanted: on.subscribe(),
+            kept: watch::Sender::new(Some(kept)),
+            spare: format!("{SPARE}{}", std::process::id()),
+            new: !data.exists(),
+        };
         let kept = file.kept.subscribe();
         let thread = SideThread::start("stop", |stop| file.follow(received, stop))
             .map_err(|error| warn!("STOP will hold in this program only: {error}"));
@@ -106,9 +112,7 @@ impl EmergencyStop {
 
     /// Releases the STOP that a program of this data folder has left behind; returns whether there
     /// was one.
-    ///
-    /// # Errors
-    /// Any error of the system; the STOP then still holds.
+    /// If it fails, the STOP still holds.
     pub fn remove(data: &Path) -> io::Result<bool> {
         match std::fs::remove_file(data.join(NAME)) {
             Ok(()) => Ok(true),
@@ -125,7 +129,6 @@ impl EmergencyStop {
         }
     }
 
-    /// Whether STOP holds.
     pub fn is_on(&self) -> bool {
         *self.on.borrow()
     }
@@ -158,9 +161,7 @@ impl EmergencyStop {
 
     /// Releases it, in the name of `by`: tells the pilot at once, then waits until the next program
     /// would not hold it either, for a limited time.
-    ///
-    /// # Errors
-    /// The reason why the next program may hold the robot again.
+    /// The error says why the next program may hold the robot again.
     pub async fn reset(&self, by: &str, tell_pilot: impl FnOnce()) -> Result<(), String> {
         if self.set(false, tell_pilot) {
             self.bus
@@ -242,16 +243,6 @@ struct StopFile {
 }
 
 impl StopFile {
-    fn new(data: &Path, on: &watch::Sender<bool>, kept: bool) -> StopFile {
-        StopFile {
-            data: data.to_owned(),
-            wanted: on.subscribe(),
-            kept: watch::Sender::new(Some(kept)),
-            spare: format!("{SPARE}{}", std::process::id()),
-            new: !data.exists(),
-        }
-    }
-
     /// Does the jobs until the program ends. Retries what has failed, and restores a file that
     /// another robot's run or tool has removed from a shared folder.
     async fn follow(

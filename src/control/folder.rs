@@ -1,19 +1,17 @@
 //! The private socket of a run, and the folder of these sockets: one for each run, named after its
-//! process ID. Sockets are addressed through the open folder, since a full path may be too long for
-//! a socket address.
+//! process ID.
 
-use std::fs::{DirBuilder, Permissions};
+use std::fs::Permissions;
 use std::io;
-use std::os::fd::{AsRawFd as _, OwnedFd};
-use std::os::unix::fs::{DirBuilderExt as _, PermissionsExt as _};
+use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-use rustix::fs::{AtFlags, Mode, OFlags, fchmod, fstat, open, unlinkat};
+use rustix::fs::{Mode, fchmod, fstat};
 
 use super::routes::routes;
 use super::run::Run;
-use crate::http;
+use crate::{files, http};
 
 /// Name of the folder, in the data folder beside those of the behaviours.
 const NAME: &str = ".run";
@@ -34,36 +32,27 @@ pub fn guardian_socket(data: &Path, process: u32) -> PathBuf {
 #[derive(Debug)]
 pub(super) struct Folder {
     path: PathBuf,
-    open: OwnedFd,
+    open: files::Folder,
     /// Whether the data folder was created by this call.
     new: bool,
 }
 
 impl Folder {
     /// Opens the folder, and creates it if necessary.
-    ///
-    /// # Errors
-    /// Any error of the system; if the folder belongs to another user.
+    /// Fails if the folder belongs to another user.
     pub(super) fn make(data: &Path) -> io::Result<Folder> {
-        let path = data.join(NAME);
         let new = !data.exists();
-        DirBuilder::new()
-            .recursive(true)
-            .mode(PRIVATE)
-            .create(&path)?;
+        files::Folder::make(&data.join(NAME))?;
         let folder = Folder::open(data)?;
         fchmod(&folder.open, Mode::from_raw_mode(PRIVATE))?;
         Ok(Folder { new, ..folder })
     }
 
     /// Opens the folder.
-    ///
-    /// # Errors
-    /// If the folder does not exist or belongs to another user.
+    /// Fails if the folder does not exist or belongs to another user.
     pub(super) fn open(data: &Path) -> io::Result<Folder> {
         let path = data.join(NAME);
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let open = open(&path, flags, Mode::empty())?;
+        let open = files::Folder::open(&path)?;
         let owner = fstat(&open)?.st_uid;
         if owner != rustix::process::geteuid().as_raw() {
             let what = format!("{} belongs to another user", path.display());
@@ -74,15 +63,12 @@ impl Folder {
     }
 
     /// Creates the socket of this process.
-    ///
-    /// # Errors
-    /// Any error of the system.
     fn bind(&self) -> io::Result<ControlServer> {
         let name = name_of(std::process::id());
         self.sweep();
         // Left behind by an earlier process with the same ID.
-        let _ = unlinkat(&self.open, &name, AtFlags::empty());
-        let listener = UnixListener::bind(self.socket_path(&name))?;
+        let _ = self.open.remove(&name);
+        let listener = UnixListener::bind(self.open.socket_path(&name))?;
         std::fs::set_permissions(self.path.join(&name), Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let path = self.path.join(name);
@@ -107,15 +93,13 @@ impl Folder {
     }
 
     /// Connects to the run with this process ID.
-    ///
-    /// # Errors
-    /// If it no longer listens.
+    /// Fails if it no longer listens.
     pub(super) fn connect_to(&self, pid: u32) -> io::Result<UnixStream> {
         self.connect(&name_of(pid))
     }
 
     fn connect(&self, name: &str) -> io::Result<UnixStream> {
-        let stream = UnixStream::connect(self.socket_path(name))?;
+        let stream = UnixStream::connect(self.open.socket_path(name))?;
         stream.set_nonblocking(true)?;
         Ok(stream)
     }
@@ -126,24 +110,15 @@ impl Folder {
         for name in self.names(SUFFIX).into_iter().chain(guardians) {
             let refused = |error: &io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
             if self.connect(&name).is_err_and(|error| refused(&error)) {
-                let _ = unlinkat(&self.open, &name, AtFlags::empty());
+                let _ = self.open.remove(&name);
             }
         }
     }
 
     fn names(&self, suffix: &str) -> Vec<String> {
-        let Ok(entries) = std::fs::read_dir(&self.path) else {
-            return vec![];
-        };
-        let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-        let mut names: Vec<String> = names.filter(|name| name.ends_with(suffix)).collect();
-        names.sort();
-        names.truncate(MAX_RUNS);
-        names
-    }
-
-    fn socket_path(&self, name: &str) -> String {
-        format!("/proc/self/fd/{}/{name}", self.open.as_raw_fd())
+        let names = self.open.names().unwrap_or_default().into_iter();
+        let sockets = names.filter(|name| name.ends_with(suffix));
+        sockets.take(MAX_RUNS).collect()
     }
 }
 
@@ -164,17 +139,13 @@ pub struct ControlServer {
 impl ControlServer {
     /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
     /// core.
-    ///
-    /// # Errors
-    /// Any error of the system; the run then accepts no requests.
+    /// If it fails, the run accepts no requests.
     pub fn open(data: &Path) -> io::Result<ControlServer> {
         Folder::make(data)?.bind()
     }
 
     /// Serves programs of the same user; returns only on an error.
-    ///
-    /// # Errors
-    /// If the socket cannot be served at all.
+    /// Fails if the socket cannot be served at all.
     pub async fn serve(self, run: Run) -> io::Result<()> {
         let listener = tokio::net::UnixListener::from_std(self.listener.try_clone()?)?;
         http::serve_private(listener, routes(run)).await;

@@ -198,9 +198,7 @@ impl Route {
 
 impl RunRequest {
     /// The request of this route with these fields.
-    ///
-    /// # Errors
-    /// A field is missing, unknown or has a wrong value.
+    /// Fails if a field is missing, unknown or has a wrong value.
     pub(super) fn from_fields(
         route: &Route,
         mut fields: Map<String, Value>,

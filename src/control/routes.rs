@@ -95,28 +95,25 @@ struct Fields(Map<String, Value>);
 
 impl<'de> Deserialize<'de> for Fields {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Fields, D::Error> {
-        from.deserialize_map(FieldsVisitor)
+        from.deserialize_map(Fields(Map::new()))
     }
 }
 
-struct FieldsVisitor;
-
-impl<'de> serde::de::Visitor<'de> for FieldsVisitor {
+impl<'de> serde::de::Visitor<'de> for Fields {
     type Value = Fields;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("an object")
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut from: A) -> Result<Fields, A::Error> {
-        let mut fields = Map::new();
+    fn visit_map<A: MapAccess<'de>>(mut self, mut from: A) -> Result<Fields, A::Error> {
         while let Some((name, value)) = from.next_entry::<String, Value>()? {
-            if fields.contains_key(&name) {
+            if self.0.contains_key(&name) {
                 return Err(A::Error::custom(format_args!("duplicate field `{name}`")));
             }
-            fields.insert(name, value);
+            self.0.insert(name, value);
         }
-        Ok(Fields(fields))
+        Ok(self)
     }
 }
 

@@ -56,17 +56,12 @@ const PERSON: Priority = Priority(i16::MAX);
 /// The handles through which persons control a run.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Requests to the pilot.
     pub requests: mpsc::Sender<Request>,
-    /// Starts and stops behaviours.
     pub roster: Roster,
-    /// The newest status.
     pub status: watch::Receiver<Status>,
-    /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
     /// Ends a single run after `spykee robot stop`; a service goes on.
     pub end: Option<CancellationToken>,
-    /// A person's STOP.
     pub emergency_stop: EmergencyStop,
     /// The config's settings for the robot's streams.
     pub streams: Streams,
@@ -267,9 +262,7 @@ impl Run {
     }
 
     /// Ends all behaviours, also those that start or restart at this moment.
-    ///
-    /// # Errors
-    /// Why a behaviour may still run, in words.
+    /// The error says why a behaviour may still run.
     pub async fn end_behaviours(&self) -> Result<(), String> {
         match self.roster.stop_all().await {
             // A run that is ending ends its behaviours itself.
@@ -312,9 +305,7 @@ impl Run {
 
     /// Joins the pilot with a person's client, whose priority is above all behaviours. `name`
     /// appears in the log.
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`]: the run has ended.
+    /// Fails if the run has ended.
     pub async fn pilot_client(&self, name: &str) -> Result<PilotClient, PilotClientError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
@@ -338,9 +329,7 @@ impl Run {
     }
 
     /// Releases STOP in the name of `by`.
-    ///
-    /// # Errors
-    /// Why it may hold in the next program, in words.
+    /// The error says why it may hold in the next program.
     async fn reset_stop(&self, by: &str) -> Result<(), String> {
         match self.reserve_place().await {
             Some(place) => {

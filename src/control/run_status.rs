@@ -161,7 +161,7 @@ pub(super) fn dock_state(dock_state: DockState) -> &'static str {
     match dock_state {
         DockState::Charging => "charging",
         DockState::ContactReported => "contact",
-        DockState::Left(_) => "off",
+        DockState::Left => "off",
         DockState::Unknown => "unknown",
     }
 }

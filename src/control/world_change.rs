@@ -108,9 +108,7 @@ pub enum WorldChange {
 
 impl WorldChange {
     /// Makes the change.
-    ///
-    /// # Errors
-    /// A value out of range, or a clock that cannot be controlled; in words.
+    /// Fails if a value is out of range, or the clock cannot be controlled.
     pub(super) fn apply(self, simulation: &SimulatedRobot) -> Result<(), String> {
         let sim = &simulation.robot;
         match self {

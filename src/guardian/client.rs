@@ -48,7 +48,9 @@ pub struct Guardian {
     /// `None` while no guardian runs.
     socket: Option<GuardianSocket>,
     /// Kept for a later guardian, like all that follows.
-    link: Option<Link>,
+    link: Option<Arc<TcpStream>>,
+    /// The link obeys only after its first POWER.
+    login: bool,
     words: LastWordsData,
     route: Option<Route>,
     owed: bool,
@@ -56,19 +58,11 @@ pub struct Guardian {
     last_beat: Option<Instant>,
 }
 
-#[derive(Debug)]
-struct Link {
-    robot: Arc<TcpStream>,
-    login: bool,
-}
-
 impl Guardian {
     /// Starts the guardian from this executable, which must be `spykee`. Blocks until the process
     /// is started: not for the driving core. If no process can be started now, that is tried again
     /// for as long as this lives, and nothing may drive meanwhile.
-    ///
-    /// # Errors
-    /// The executable cannot be opened, or no thread can be started.
+    /// Fails if the executable cannot be opened, or no thread can be started.
     pub fn start(executable: &Path, files: GuardianFiles) -> io::Result<Guardian> {
         let (starter, first) = Starter::start(executable, files.clone())?;
         if let Err(error) = &first {
@@ -79,6 +73,7 @@ impl Guardian {
             files,
             socket: first.ok().map(GuardianSocket::new),
             link: None,
+            login: false,
             words: LastWordsData::default(),
             route: None,
             owed: false,
@@ -110,25 +105,17 @@ impl Guardian {
         }
     }
 
-    /// Guards a new link: its socket, and the last words for it.
-    pub fn watch(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
-        self.begin(socket, last_words, false);
-    }
-
-    /// Guards a link whose login the robot has accepted, but which obeys only after its first
-    /// POWER.
-    pub fn watch_login(&mut self, socket: Arc<TcpStream>, last_words: Vec<u8>) {
-        self.begin(socket, last_words, true);
-    }
-
-    fn begin(&mut self, robot: Arc<TcpStream>, last: Vec<u8>, login: bool) {
+    /// Guards a new link: its socket, and the last words for it. `login`: the robot has accepted a
+    /// login, but obeys only after its first POWER.
+    pub fn watch(&mut self, robot: Arc<TcpStream>, last: Vec<u8>, login: bool) {
         // Older answers are about an earlier link.
         self.read_answers();
         self.words = LastWordsData {
             rest: Vec::new(),
             last,
         };
-        self.link = Some(Link { robot, login });
+        self.link = Some(robot);
+        self.login = login;
         self.send_link();
     }
 
@@ -211,13 +198,14 @@ impl Guardian {
 
     fn send_link(&mut self) {
         let words = self.words.clone();
-        let (message, robot) = match &self.link {
-            None => (GuardianMessage::LastWords(words), None),
-            Some(Link { robot, login: true }) => (GuardianMessage::Login(words), Some(robot)),
-            Some(Link { robot, .. }) => (GuardianMessage::Watch(words), Some(robot)),
+        let message = match &self.link {
+            None => GuardianMessage::LastWords(words),
+            Some(_) if self.login => GuardianMessage::Login(words),
+            Some(_) => GuardianMessage::Watch(words),
         };
         if let Some(socket) = &self.socket {
-            let sent = message.send(&socket.fd, robot.map(|robot| robot.as_fd()));
+            let robot = self.link.as_ref().map(|robot| robot.as_fd());
+            let sent = message.send(&socket.fd, robot);
             self.lose_if(sent);
         }
     }

@@ -60,6 +60,8 @@ pub(super) enum DebtEvent {
     LoggedIn,
     /// So many POWER messages were received on the dialled connection after that.
     DialledPowers(u32),
+    /// The robot refuses the login: somebody else uses it, or it believes in an old session.
+    InUse,
     /// The dialled connection is refused or broken.
     DialFailed,
 }
@@ -138,7 +140,6 @@ pub(super) struct Debt {
     link_answers: u32,
     dialled_answers: u32,
     dialling: Dialling,
-    /// When to begin dialling.
     dial_from: Instant,
     outcome: Option<Outcome>,
 }
@@ -222,7 +223,8 @@ impl Debt {
                     self.dialling = Dialling::HangUpDue;
                 }
             }
-            DebtEvent::Connected | DebtEvent::Accepted | DebtEvent::LoggedIn => {}
+            DebtEvent::Connected | DebtEvent::Accepted | DebtEvent::LoggedIn | DebtEvent::InUse => {
+            }
         }
     }
 

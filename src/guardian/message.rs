@@ -26,7 +26,6 @@ pub(super) struct LastWordsData {
 /// How to reach the robot again, and log in.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Route {
-    /// The robot's address.
     pub address: SocketAddr,
     /// The bytes of the AUTH_REQUEST message.
     pub login: Vec<u8>,

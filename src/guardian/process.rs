@@ -18,7 +18,7 @@ use super::dead_man::DeadMan;
 use super::debt::{Acknowledged, Debt, DebtAct, DebtEvent, OpenLink, Outcome, QUESTIONS};
 use super::message::{Datagram, GuardianMessage, MAX_MESSAGE_LEN, Route};
 use super::record::Record;
-use super::robot_link::{DialledLink, End, RobotLink};
+use super::robot_link::{DialledLink, RobotLink};
 use super::stop_socket::{StopAnswer, StopSocket};
 use crate::robot_socket::FormerLink;
 use crate::wire::{Command, Engage};
@@ -74,7 +74,18 @@ pub fn guardian_main(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     };
     let record = Record::new(path());
     let stop_socket = path().and_then(|path| StopSocket::bind(path).ok());
-    let mut process = GuardianProcess::new(record, stop_socket);
+    let mut process = GuardianProcess {
+        dead_man: DeadMan::default(),
+        link: None,
+        former: None,
+        route: None,
+        owed: false,
+        agent_gone: false,
+        pursuit: None,
+        stop_socket,
+        record,
+        buffer: vec![0; MAX_MESSAGE_LEN],
+    };
     process.run();
     ExitCode::SUCCESS
 }
@@ -116,7 +127,6 @@ struct GuardianProcess {
     /// The addresses of that link, or of the last one.
     former: Option<FormerLink>,
     route: Option<Route>,
-    /// A stop is owed.
     owed: bool,
     agent_gone: bool,
     /// Present while this process acts for an agent that is gone, or hangs without a link.
@@ -138,21 +148,6 @@ struct Pursuit {
 }
 
 impl GuardianProcess {
-    fn new(record: Record, stop_socket: Option<StopSocket>) -> GuardianProcess {
-        GuardianProcess {
-            dead_man: DeadMan::default(),
-            link: None,
-            former: None,
-            route: None,
-            owed: false,
-            agent_gone: false,
-            pursuit: None,
-            stop_socket,
-            record,
-            buffer: vec![0; MAX_MESSAGE_LEN],
-        }
-    }
-
     fn run(&mut self) {
         loop {
             let broken = self.wait().unwrap_or_else(|_| {
@@ -189,7 +184,7 @@ impl GuardianProcess {
         let agent = stdin();
         let mut fds = Vec::with_capacity(4);
         if let Some(link) = &self.link {
-            fds.push(PollFd::new(link, link.interest(self.agent_gone)));
+            fds.push(PollFd::new(link, link.stream.interest(self.agent_gone)));
         }
         if !self.agent_gone {
             fds.push(PollFd::new(&agent, PollFlags::IN));
@@ -300,8 +295,7 @@ impl GuardianProcess {
         if let Some(pending) = self.dead_man.poll(now) {
             self.write_in_place_of_agent(&pending.bytes, pending.closes);
         }
-        let works = self.link.as_mut().is_none_or(RobotLink::flush);
-        if !works {
+        if self.link.as_mut().is_some_and(|link| !link.stream.flush()) {
             self.lose_link();
         }
         if self.pursuit.is_none() && self.abandoned_from().is_some_and(|from| from <= now) {
@@ -445,7 +439,7 @@ impl GuardianProcess {
     fn write_on_dialled(&mut self, bytes: &[u8]) {
         let pursuit = self.pursuit.as_mut();
         if let Some(dialled) = pursuit.and_then(|pursuit| pursuit.dialled.as_mut()) {
-            dialled.write(bytes);
+            dialled.stream.write(bytes);
         }
     }
 
@@ -456,18 +450,16 @@ impl GuardianProcess {
             return;
         };
         if let Some(link) = &mut self.link {
-            let flushed = link.flush();
+            let flushed = link.stream.flush();
             let received = link.read();
             // A POWER that was on its way before the robot had the questions is no answer.
-            if pursuit.debt.waits_for_first_power() || link.is_acknowledged() {
+            if pursuit.debt.waits_for_first_power() || link.stream.is_acknowledged() {
                 let powers = DebtEvent::LinkPowers(received.powers);
                 pursuit.debt.handle(powers, now);
             }
             let end = match received.end {
-                Some(End::Closed) => Some(DebtEvent::LinkClosed),
-                Some(End::Broken) => Some(DebtEvent::LinkBroken),
                 None if !flushed => Some(DebtEvent::LinkBroken),
-                None => None,
+                end => end,
             };
             if let Some(end) = end {
                 pursuit.debt.handle(end, now);
@@ -478,24 +470,14 @@ impl GuardianProcess {
         let Some(dialled) = &mut pursuit.dialled else {
             return;
         };
-        let news = dialled.progress();
-        if news.in_use
-            && let Some(link) = &self.link
-            && !link.is_acknowledged()
-        {
-            link.reset();
-        }
-        let happened = [
-            (news.connected, DebtEvent::Connected),
-            (news.accepted, DebtEvent::Accepted),
-            (news.obeys, DebtEvent::LoggedIn),
-            (news.powers > 0, DebtEvent::DialledPowers(news.powers)),
-            (news.failed, DebtEvent::DialFailed),
-        ];
-        for (has, event) in happened {
-            if has {
-                pursuit.debt.handle(event, now);
+        for event in dialled.progress() {
+            if event == DebtEvent::InUse
+                && let Some(link) = &self.link
+                && !link.stream.is_acknowledged()
+            {
+                link.reset();
             }
+            pursuit.debt.handle(event, now);
         }
     }
 
@@ -515,7 +497,7 @@ impl GuardianProcess {
             _ => with_questions(pending.bytes),
         };
         // A broken link is noticed when it is read.
-        link.write(&bytes);
+        link.stream.write(&bytes);
     }
 
     fn dial(&mut self) {
@@ -576,12 +558,10 @@ impl GuardianProcess {
 
 impl Pursuit {
     fn poll(&mut self, link: Option<&RobotLink>) -> Option<DebtAct> {
+        let dialled = self.dialled.as_ref();
         let acknowledged = Acknowledged {
-            link: link.is_some_and(RobotLink::is_acknowledged),
-            dialled: self
-                .dialled
-                .as_ref()
-                .is_some_and(DialledLink::is_acknowledged),
+            link: link.is_some_and(|link| link.stream.is_acknowledged()),
+            dialled: dialled.is_some_and(|dialled| dialled.stream.is_acknowledged()),
         };
         self.debt.poll(acknowledged, Instant::now())
     }

@@ -13,6 +13,7 @@ use rustix::net::{
 };
 use socket2::{SockRef, Socket};
 
+use super::debt::DebtEvent;
 use crate::robot_socket::{self, FormerLink};
 use crate::socket_outq::unacknowledged;
 use crate::wire::{Decoder, Refusal, Report};
@@ -30,25 +31,17 @@ const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
 /// anew: the kernel's own repetitions come at ever longer intervals.
 const DEAD_AFTER: Duration = Duration::from_millis(1500);
 
-/// What was read.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Received {
-    /// POWER messages.
     pub(super) powers: u32,
-    pub(super) end: Option<End>,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
-    /// The robot has closed its half in an orderly way.
-    Closed,
-    Broken,
+    /// [`DebtEvent::LinkClosed`] or [`DebtEvent::LinkBroken`], at the end of the link.
+    pub(super) end: Option<DebtEvent>,
 }
 
 /// The link that the agent has used.
 #[derive(Debug)]
 pub(super) struct RobotLink {
-    stream: Stream,
+    pub(super) stream: Stream,
     /// The last bytes read, which may be the beginning of a POWER.
     tail: Vec<u8>,
 }
@@ -91,22 +84,17 @@ impl RobotLink {
         Received { powers, end }
     }
 
-    /// Writes without blocking; what is not accepted now follows with [`RobotLink::flush`]. The
+    /// Writes without blocking; what is not accepted now follows with [`Stream::flush`]. The
     /// write half is closed if messages could be mixed otherwise: if `closes`, or if the bytes were
     /// not accepted at once, so that an agent that resumes may write in between. The read half
     /// stays open: closed, it would make the kernel reset the connection when the robot sends
     /// something, and drop what is not delivered yet.
     pub(super) fn write_in_place_of_agent(&mut self, bytes: &[u8], closes: bool) -> bool {
-        let alive = self.write(bytes);
+        let alive = self.stream.write(bytes);
         if closes || !self.stream.unsent.is_empty() {
             self.half_close();
         }
         alive
-    }
-
-    /// The same on a link that nobody else writes to. Returns whether the link still works.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
-        self.stream.write(bytes)
     }
 
     /// Closes the write half when everything is written.
@@ -120,24 +108,11 @@ impl RobotLink {
         self.stream.closes
     }
 
-    pub(super) fn flush(&mut self) -> bool {
-        self.stream.flush()
-    }
-
-    pub(super) fn is_acknowledged(&self) -> bool {
-        self.stream.is_acknowledged()
-    }
-
     /// Ends the connection at once, at the robot too if it is in reach: a robot that believes in it
     /// refuses other logins.
     pub(super) fn reset(&self) {
         // Disconnects whoever else holds the socket. A failure leaves it as it is.
         let _ = connect_unspec(&self.stream.socket);
-    }
-
-    /// What to wait for, besides the end of the connection.
-    pub(super) fn interest(&self, reads: bool) -> PollFlags {
-        self.stream.interest(reads)
     }
 }
 
@@ -156,26 +131,11 @@ fn powers_in(bytes: &[u8]) -> u32 {
 /// A connection that the guardian has opened itself.
 #[derive(Debug)]
 pub(super) struct DialledLink {
-    stream: Stream,
+    pub(super) stream: Stream,
     connected: bool,
     decoder: Decoder,
     accepted: bool,
     obeys: bool,
-}
-
-/// What was learned on a dialled connection.
-#[derive(Debug, Default, PartialEq, Eq)]
-pub(super) struct DialledNews {
-    pub(super) connected: bool,
-    /// The login is accepted.
-    pub(super) accepted: bool,
-    /// The first POWER has come after that.
-    pub(super) obeys: bool,
-    /// POWER messages after the first.
-    pub(super) powers: u32,
-    pub(super) failed: bool,
-    /// The robot is used by somebody else, or believes in an old session.
-    pub(super) in_use: bool,
 }
 
 impl DialledLink {
@@ -208,15 +168,6 @@ impl DialledLink {
         })
     }
 
-    /// A failure is noticed by [`DialledLink::progress`].
-    pub(super) fn write(&mut self, bytes: &[u8]) {
-        self.stream.write(bytes);
-    }
-
-    pub(super) fn is_acknowledged(&self) -> bool {
-        self.stream.is_acknowledged()
-    }
-
     pub(super) fn interest(&self) -> PollFlags {
         if self.connected {
             self.stream.interest(true)
@@ -225,39 +176,34 @@ impl DialledLink {
         }
     }
 
-    /// Reads, writes, and finds out what has changed.
-    pub(super) fn progress(&mut self) -> DialledNews {
-        let mut news = DialledNews::default();
+    /// Reads, writes, and returns what has changed.
+    pub(super) fn progress(&mut self) -> Vec<DebtEvent> {
+        let mut news = Vec::new();
         if !self.connected {
-            match SockRef::from(&self.stream.socket).take_error() {
-                Ok(None) => {}
-                Ok(Some(_)) | Err(_) => news.failed = true,
+            if !matches!(SockRef::from(&self.stream.socket).take_error(), Ok(None)) {
+                return vec![DebtEvent::DialFailed];
             }
-            if news.failed || getpeername(&self.stream.socket).is_err() {
+            if getpeername(&self.stream.socket).is_err() {
                 return news;
             }
             self.connected = true;
-            news.connected = true;
+            news.push(DebtEvent::Connected);
         }
-        let decoder = &mut self.decoder;
-        let accepted = &mut self.accepted;
-        let obeys = &mut self.obeys;
+        let mut powers = 0;
+        let mut refusal = None;
         let end = self.stream.read(|chunk| {
             let mut bytes = chunk;
-            while let Ok(Some(packet)) = decoder.decode(&mut bytes) {
+            while let Ok(Some(packet)) = self.decoder.decode(&mut bytes) {
                 match Report::parse(packet) {
                     Report::Accepted(_) => {
-                        *accepted = true;
-                        news.accepted = true;
+                        self.accepted = true;
+                        news.push(DebtEvent::Accepted);
                     }
-                    Report::Refused(refusal) => {
-                        news.failed = true;
-                        news.in_use = refusal == Refusal::InUse;
-                    }
-                    Report::Power(_) if *obeys => news.powers += 1,
-                    Report::Power(_) if *accepted => {
-                        *obeys = true;
-                        news.obeys = true;
+                    Report::Refused(why) => refusal = Some(why),
+                    Report::Power(_) if self.obeys => powers += 1,
+                    Report::Power(_) if self.accepted => {
+                        self.obeys = true;
+                        news.push(DebtEvent::LoggedIn);
                     }
                     _ => {}
                 }
@@ -265,7 +211,13 @@ impl DialledLink {
             // Out of step: what is left is not a message.
             bytes.is_empty()
         });
-        news.failed |= end.is_some() || !self.stream.flush();
+        news.push(DebtEvent::DialledPowers(powers));
+        if refusal == Some(Refusal::InUse) {
+            news.push(DebtEvent::InUse);
+        }
+        if refusal.is_some() || end.is_some() || !self.stream.flush() {
+            news.push(DebtEvent::DialFailed);
+        }
         news
     }
 }
@@ -278,7 +230,7 @@ impl AsFd for DialledLink {
 
 /// A socket that does not block, with the bytes that it has not accepted yet.
 #[derive(Debug)]
-struct Stream {
+pub(super) struct Stream {
     socket: OwnedFd,
     unsent: Vec<u8>,
     /// Close the write half when everything is written.
@@ -297,28 +249,29 @@ impl Stream {
     }
 
     /// Reads what has come; ends at the end of the connection, or when `take` returns `false`.
-    fn read(&self, mut take: impl FnMut(&[u8]) -> bool) -> Option<End> {
+    fn read(&self, mut take: impl FnMut(&[u8]) -> bool) -> Option<DebtEvent> {
         let mut chunk = [0_u8; CHUNK_LEN];
         for _ in 0..MAX_CHUNKS {
             match recv(&self.socket, &mut chunk[..], RecvFlags::DONTWAIT) {
-                Ok((0, _)) => return Some(End::Closed),
+                Ok((0, _)) => return Some(DebtEvent::LinkClosed),
                 Ok((count, _)) if take(&chunk[..count]) => {}
-                Ok(_) => return Some(End::Broken),
+                Ok(_) => return Some(DebtEvent::LinkBroken),
                 Err(Errno::INTR) => {}
                 Err(Errno::AGAIN) => return None,
-                Err(_) => return Some(End::Broken),
+                Err(_) => return Some(DebtEvent::LinkBroken),
             }
         }
         None
     }
 
-    fn write(&mut self, bytes: &[u8]) -> bool {
+    /// Returns whether the connection still works.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
         self.unsent.extend_from_slice(bytes);
         self.flush()
     }
 
     /// Returns whether the connection still works.
-    fn flush(&mut self) -> bool {
+    pub(super) fn flush(&mut self) -> bool {
         while !self.unsent.is_empty() {
             let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
             match send(&self.socket, &self.unsent, flags) {
@@ -337,11 +290,12 @@ impl Stream {
         true
     }
 
-    fn is_acknowledged(&self) -> bool {
+    pub(super) fn is_acknowledged(&self) -> bool {
         self.unsent.is_empty() && unacknowledged(&self.socket).is_none_or(|count| count == 0)
     }
 
-    fn interest(&self, reads: bool) -> PollFlags {
+    /// What to wait for, besides the end of the connection.
+    pub(super) fn interest(&self, reads: bool) -> PollFlags {
         let mut interest = PollFlags::empty();
         interest.set(PollFlags::IN, reads);
         interest.set(PollFlags::OUT, !self.unsent.is_empty());
@@ -382,8 +336,8 @@ mod tests {
             });
             let mut link = RobotLink::new(near.into());
             assert!(link.write_in_place_of_agent(&vec![7; len], closes));
-            while link.interest(false) != PollFlags::empty() {
-                assert!(link.flush());
+            while link.stream.interest(false) != PollFlags::empty() {
+                assert!(link.stream.flush());
                 std::thread::yield_now();
             }
             let mut far = reader.join().unwrap();
@@ -437,20 +391,20 @@ mod tests {
                 break end;
             }
         };
-        assert_eq!((powers, end), (2, End::Closed));
+        assert_eq!((powers, end), (2, DebtEvent::LinkClosed));
     }
 
     #[test]
     fn a_reset_reaches_a_robot_that_has_not_taken_everything() {
         let (mut link, mut robot) = pair();
-        assert!(link.write(&vec![7; LONG]));
+        assert!(link.stream.write(&vec![7; LONG]));
         link.reset();
         robot
             .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
         let error = robot.read_to_end(&mut Vec::new()).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::ConnectionReset);
-        assert!(!link.write(b"more"));
+        assert!(!link.stream.write(b"more"));
     }
 
     #[test]

@@ -15,6 +15,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use tokio::sync::mpsc;
 
 use super::process::GUARDIAN_ARGUMENT;
+use crate::rate_limit::Backoff;
 
 /// The pause before another guardian is started; after each further one it is twice as long, up to
 /// the longest.
@@ -48,19 +49,16 @@ impl Starter {
         files: GuardianFiles,
     ) -> io::Result<(Starter, io::Result<OwnedFd>)> {
         // The program's file may be replaced while this one runs.
-        let recipe = Recipe {
-            executable: File::open(executable)?,
-            files,
-        };
+        let executable = File::open(executable)?;
         let (lost, losses) = sync_channel(1);
         let (starts, started) = mpsc::channel(1);
-        let (process, first) = match recipe.start() {
+        let (process, first) = match start_process(&executable, &files) {
             Ok((process, socket)) => (Some(process), Ok(socket)),
             Err(error) => (None, Err(error)),
         };
         thread::Builder::new()
             .name("guardian".into())
-            .spawn(move || keep_running(&recipe, process, &losses, &starts))?;
+            .spawn(move || keep_running(&executable, &files, process, &losses, &starts))?;
         Ok((Starter { lost, started }, first))
     }
 
@@ -85,30 +83,33 @@ impl Starter {
 }
 
 fn keep_running(
-    recipe: &Recipe,
-    mut process: Option<Process>,
+    executable: &File,
+    files: &GuardianFiles,
+    mut process: Option<Child>,
     losses: &Receiver<OwnedFd>,
     started: &mpsc::Sender<OwnedFd>,
 ) {
-    let mut pause = FIRST_PAUSE;
+    let mut backoff = Backoff::new(FIRST_PAUSE, LONGEST_PAUSE);
+    let mut began = Instant::now();
     loop {
         if let Some(mut lost) = process.take() {
             let Ok(socket) = losses.recv() else {
                 return;
             };
-            lost.kill();
+            let _ = lost.kill();
+            let _ = lost.wait();
             // Only after its death: at the end of its socket it would write to the robot.
             drop(socket);
-            if lost.began.elapsed() >= GOOD_LIFE {
-                pause = FIRST_PAUSE;
+            if began.elapsed() >= GOOD_LIFE {
+                backoff.reset();
             }
         } else if matches!(losses.try_recv(), Err(TryRecvError::Disconnected)) {
             return;
         }
-        thread::sleep(pause);
-        pause = (pause * 2).min(LONGEST_PAUSE);
-        if let Ok((next, socket)) = recipe.start() {
+        thread::sleep(backoff.step());
+        if let Ok((next, socket)) = start_process(executable, files) {
             process = Some(next);
+            began = Instant::now();
             if started.blocking_send(socket).is_err() {
                 return;
             }
@@ -116,43 +117,20 @@ fn keep_running(
     }
 }
 
-/// How to start a guardian.
-#[derive(Debug)]
-struct Recipe {
-    executable: File,
-    files: GuardianFiles,
-}
-
-impl Recipe {
-    fn start(&self) -> io::Result<(Process, OwnedFd)> {
-        let flags = SocketFlags::CLOEXEC;
-        let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
-        let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
-        let child = Command::new(format!("/proc/self/fd/{}", self.executable.as_raw_fd()))
-            .arg0("robot-guardian")
-            .arg(GUARDIAN_ARGUMENT)
-            .arg(path(&self.files.record))
-            .arg(path(&self.files.stop_socket))
-            .env_clear()
-            .current_dir("/")
-            .stdin(Stdio::from(theirs))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()?;
-        let began = Instant::now();
-        Ok((Process { child, began }, ours))
-    }
-}
-
-#[derive(Debug)]
-struct Process {
-    child: Child,
-    began: Instant,
-}
-
-impl Process {
-    fn kill(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn start_process(executable: &File, files: &GuardianFiles) -> io::Result<(Child, OwnedFd)> {
+    let flags = SocketFlags::CLOEXEC;
+    let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+    let path = |path: &Option<PathBuf>| path.clone().unwrap_or_default();
+    let child = Command::new(format!("/proc/self/fd/{}", executable.as_raw_fd()))
+        .arg0("robot-guardian")
+        .arg(GUARDIAN_ARGUMENT)
+        .arg(path(&files.record))
+        .arg(path(&files.stop_socket))
+        .env_clear()
+        .current_dir("/")
+        .stdin(Stdio::from(theirs))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()?;
+    Ok((child, ours))
 }

@@ -3,14 +3,15 @@
 
 use std::fs::Permissions;
 use std::io;
-use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use rustix::fs::{AtFlags, Mode, OFlags, open, unlinkat};
 use rustix::net::{SocketAddrUnix, bind};
+
+use crate::files::Folder;
 
 const STOP: &[u8] = b"STOP\n";
 /// The longest word that is read.
@@ -49,15 +50,13 @@ impl StopAnswer {
 
 /// Asks the guardian that listens at `path` to stop its robot in place of a run that hangs. Blocks
 /// for at most two seconds.
-///
-/// # Errors
-/// Nobody listens there, or no answer comes in time.
+/// Fails if nobody listens there, or no answer comes in time.
 pub fn request_stop(path: &Path) -> io::Result<StopAnswer> {
-    let place = Place::of(path)?;
+    let (folder, name) = place(path)?;
     let socket = UnixDatagram::unbound()?;
     // The kernel chooses a name, to which the answer is sent.
     bind(&socket, &SocketAddrUnix::new_unnamed())?;
-    socket.connect(place.address())?;
+    socket.connect(folder.socket_path(&name))?;
     socket.set_read_timeout(Some(ANSWER_LIMIT))?;
     socket.set_write_timeout(Some(ANSWER_LIMIT))?;
     socket.send(STOP)?;
@@ -67,32 +66,12 @@ pub fn request_stop(path: &Path) -> io::Result<StopAnswer> {
     StopAnswer::parse(&word[..count]).ok_or_else(unknown)
 }
 
-/// A name in an open folder: the full path may be too long for a socket's address.
-#[derive(Debug)]
-struct Place {
-    folder: OwnedFd,
-    name: String,
-}
-
-impl Place {
-    fn of(path: &Path) -> io::Result<Place> {
-        let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
-            return Err(io::ErrorKind::InvalidInput.into());
-        };
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        Ok(Place {
-            folder: open(folder, flags, Mode::empty())?,
-            name: name.to_string_lossy().into_owned(),
-        })
-    }
-
-    fn address(&self) -> String {
-        format!("/proc/self/fd/{}/{}", self.folder.as_raw_fd(), self.name)
-    }
-
-    fn remove(&self) {
-        let _ = unlinkat(&self.folder, &self.name, AtFlags::empty());
-    }
+/// The folder of a socket, and its name in there.
+fn place(path: &Path) -> io::Result<(Folder, String)> {
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
+        return Err(io::ErrorKind::InvalidInput.into());
+    };
+    Ok((Folder::open(folder)?, name.to_string_lossy().into_owned()))
 }
 
 /// Dropping it removes the socket's file, and its folder if that is then empty.
@@ -105,11 +84,12 @@ pub(super) struct StopSocket {
 impl StopSocket {
     /// Takes the place of a socket that an earlier guardian of this run has left.
     pub(super) fn bind(path: PathBuf) -> io::Result<StopSocket> {
-        let place = Place::of(&path)?;
-        place.remove();
-        let socket = UnixDatagram::bind(place.address())?;
+        let (folder, name) = place(&path)?;
+        let _ = folder.remove(&name);
+        let address = folder.socket_path(&name);
+        let socket = UnixDatagram::bind(&address)?;
         // Until then its folder keeps others out.
-        std::fs::set_permissions(place.address(), Permissions::from_mode(PRIVATE))?;
+        std::fs::set_permissions(&address, Permissions::from_mode(PRIVATE))?;
         socket.set_nonblocking(true)?;
         // The folder is not kept open: the guardian may outlive the run.
         Ok(StopSocket { socket, path })
@@ -140,8 +120,8 @@ impl AsFd for StopSocket {
 
 impl Drop for StopSocket {
     fn drop(&mut self) {
-        if let Ok(place) = Place::of(&self.path) {
-            place.remove();
+        if let Ok((folder, name)) = place(&self.path) {
+            let _ = folder.remove(&name);
         }
         if let Some(folder) = self.path.parent() {
             let _ = std::fs::remove_dir(folder);

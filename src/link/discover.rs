@@ -21,7 +21,6 @@ const MAX_FOUND: usize = 256;
 /// The robot's own network (`PROTOCOL.md`, *Network*).
 const ROBOT_NETWORK: Ipv4Addr = Ipv4Addr::new(172, 17, 6, 255);
 
-/// A robot that answered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Found {
     /// The address of its reply; its TCP port has the same number.

@@ -11,26 +11,13 @@ use crate::wire::{FramingError, Refusal};
 pub enum LinkError {
     /// No TCP connection could be established.
     #[error("cannot reach the robot at {target}: {source}")]
-    Unreachable {
-        /// The address.
-        target: Target,
-        /// The system's error.
-        source: io::Error,
-    },
+    Unreachable { target: Target, source: io::Error },
     /// No connection or reply within the time limit.
     #[error("timed out after {after:?} while waiting for {what}")]
-    TimedOut {
-        /// What was awaited.
-        what: &'static str,
-        /// The time limit.
-        after: Duration,
-    },
+    TimedOut { what: &'static str, after: Duration },
     /// AUTH_REPLY 0, 1.
     #[error("the robot refuses user `{user}` with this password")]
-    WrongPassword {
-        /// The user name.
-        user: String,
-    },
+    WrongPassword { user: String },
     /// AUTH_REPLY 0, 3: the robot serves one user at a time.
     #[error("the robot is in use{}", in_use_by(.by.as_deref()))]
     InUse {
@@ -42,10 +29,7 @@ pub enum LinkError {
     Refused(u8),
     /// Accepted, but without a battery level: motion is not allowed.
     #[error("the robot accepted the login, but sent no battery level within {after:?}")]
-    NoPower {
-        /// The time limit.
-        after: Duration,
-    },
+    NoPower { after: Duration },
     /// The robot closed or reset the connection.
     #[error("the robot closed the connection")]
     Closed,
@@ -54,13 +38,13 @@ pub enum LinkError {
     Framing(#[from] FramingError),
     /// Data could not be written, or was not acknowledged, in time.
     #[error("the link is dead: nothing could be sent for {after:?}")]
-    Dead {
-        /// The time limit.
-        after: Duration,
-    },
+    Dead { after: Duration },
     /// The guardian process cannot be given a duplicate of the socket: nothing may drive over it.
     #[error("no guardian process can watch this link: {0}")]
     Unguarded(#[source] io::Error),
+    /// This side closes the link, for this reason.
+    #[error("{0}")]
+    ClosedHere(String),
     /// Any other error of the system.
     #[error("the link failed: {0}")]
     Io(#[source] io::Error),
@@ -87,7 +71,7 @@ impl LinkError {
             }
             LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
             LinkError::Unguarded(_) => "close other programs, or raise the limit of open files",
-            LinkError::Dead { .. } | LinkError::Io(_) => {
+            LinkError::Dead { .. } | LinkError::ClosedHere(_) | LinkError::Io(_) => {
                 "is the robot still in reach of its Wi-Fi?"
             }
         }

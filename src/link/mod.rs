@@ -3,7 +3,6 @@
 
 pub mod discover;
 mod error;
-mod options;
 mod pace;
 mod reader;
 mod send_queue;
@@ -12,12 +11,11 @@ mod target;
 mod writer;
 
 pub use error::LinkError;
-pub use options::Options;
 pub use pace::{Delays, Executes};
 pub use reader::{Incoming, Reader};
 pub use session::{
-    AcceptedLogin, Delivery, MAX_EARLY_REPORTS, Session, Supervision, close_gracefully, connect,
-    hang_up, open,
+    AcceptedLogin, Delivery, MAX_EARLY_REPORTS, Options, Session, Supervision, close_gracefully,
+    connect, hang_up, open,
 };
 pub use target::{Target, TargetError, host_of, is_host_name};
 pub use writer::{Confirmation, Writer};

@@ -17,7 +17,6 @@ const GROWTH: usize = 1024;
 /// Data received from the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Incoming {
-    /// A whole message.
     Report(Report),
     /// Further bytes, at least `GROWTH`, of a message whose rest is still arriving.
     Progress,

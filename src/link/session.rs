@@ -4,20 +4,17 @@
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
-use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
 use std::time::Duration;
 
 use socket2::SockRef;
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpSocket, TcpStream};
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::writer::Confirmation;
-use super::{LinkError, Options, Reader, Target, Writer, discover};
+use super::{LinkError, Reader, Target, Writer, discover};
 use crate::robot_socket::{self, FormerLink};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -40,21 +37,43 @@ const RESET_TIME: Duration = Duration::from_millis(300);
 const HURRIED_WHO: Duration = Duration::from_millis(200);
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// Time limits of connecting, logging in and giving up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The longest wait for a TCP connection, name lookup included.
+    pub connect_timeout: Duration,
+    /// The longest wait, from the login on, for AUTH_REPLY and the first POWER.
+    pub login_timeout: Duration,
+    /// The pause before the first reconnect after a lost link.
+    pub first_pause: Duration,
+    /// Pauses grow up to this.
+    pub longest_pause: Duration,
+    /// A write that the robot does not acknowledge within this time means a dead link.
+    pub dead_after: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            connect_timeout: Duration::from_secs(5),
+            login_timeout: Duration::from_secs(10),
+            first_pause: Duration::from_millis(500),
+            longest_pause: Duration::from_secs(30),
+            dead_after: Duration::from_secs(3),
+        }
+    }
+}
+
 /// A robot that has accepted the login, has sent its battery level, and whose tracks were told to
 /// stop.
 #[derive(Debug)]
 pub struct Session {
-    /// The login's answer.
     pub accepted: Accepted,
-    /// The first battery level.
     pub power: Power,
-    /// The robot's address.
     pub peer: SocketAddr,
     /// Other reports that came before both answers were there, in order; without video and audio.
     pub early: Vec<Report>,
-    /// Receives from the robot.
     pub reader: Reader,
-    /// Sends to the robot.
     pub writer: Writer,
     /// How it was logged in to.
     pub login: Login,
@@ -89,9 +108,10 @@ pub async fn connect(
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
     let direct = duplicate(&stream).map_err(LinkError::Unguarded)?;
-    let (reader, writer) = stream.into_split();
+    // A dropped half does not shut the socket down: another process may have to go on with its
+    // duplicate.
+    let (reader, writer) = tokio::io::split(stream);
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = KeptOpen(Some(writer));
     let mut writer = Writer::new(Box::new(writer), Some(direct), options.dead_after);
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
@@ -110,9 +130,6 @@ pub async fn connect(
 }
 
 /// Like [`connect`], over any transport; `peer` is only passed on.
-///
-/// # Errors
-/// Every kind of [`LinkError`] but `Unreachable`.
 pub async fn open(
     reader: impl AsyncRead + Unpin + Send + 'static,
     writer: impl AsyncWrite + Unpin + Send + 'static,
@@ -235,7 +252,6 @@ impl Answers {
 pub struct AcceptedLogin {
     /// A duplicate of the socket.
     pub socket: Arc<std::net::TcpStream>,
-    /// The robot's address.
     pub peer: SocketAddr,
     /// How it was logged in to.
     pub login: Login,
@@ -245,8 +261,10 @@ pub struct AcceptedLogin {
 #[derive(Debug, Clone)]
 pub struct Supervision {
     last_words: watch::Receiver<Vec<Command>>,
-    hurried: bool,
-    former: Option<FormerLink>,
+    /// Gives up a connection sooner, because a stop is owed: the robot may be in reach again.
+    pub hurried: bool,
+    /// Resets this link at the robot first if a stop is owed.
+    pub former: Option<FormerLink>,
     accepted: watch::Sender<Option<AcceptedLogin>>,
 }
 
@@ -259,18 +277,6 @@ impl Supervision {
             former: None,
             accepted: watch::Sender::new(None),
         }
-    }
-
-    /// Gives up a connection sooner, because a stop is owed: the robot may be in reach again.
-    #[must_use]
-    pub fn hurried(self, hurried: bool) -> Supervision {
-        Supervision { hurried, ..self }
-    }
-
-    /// Resets this link at the robot first if a stop is owed.
-    #[must_use]
-    pub fn instead_of(self, former: Option<FormerLink>) -> Supervision {
-        Supervision { former, ..self }
     }
 
     /// The login from the robot's acceptance on, for a process that sends the last words if this one
@@ -452,45 +458,6 @@ pub async fn hang_up(mut reader: Reader, mut writer: Writer) {
         reader.discard().await
     };
     let _ = timeout(LINGER, hanging_up).await;
-}
-
-/// The write half of a socket. Dropping it does not shut the socket down: another process may have
-/// to go on with its duplicate.
-struct KeptOpen(Option<OwnedWriteHalf>);
-
-impl KeptOpen {
-    fn half(&mut self) -> io::Result<Pin<&mut OwnedWriteHalf>> {
-        self.0
-            .as_mut()
-            .map(Pin::new)
-            .ok_or_else(|| io::ErrorKind::NotConnected.into())
-    }
-}
-
-impl AsyncWrite for KeptOpen {
-    fn poll_write(
-        mut self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        bytes: &[u8],
-    ) -> Poll<io::Result<usize>> {
-        self.half()?.poll_write(cx, bytes)
-    }
-
-    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.half()?.poll_flush(cx)
-    }
-
-    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.half()?.poll_shutdown(cx)
-    }
-}
-
-impl Drop for KeptOpen {
-    fn drop(&mut self) {
-        if let Some(half) = self.0.take() {
-            half.forget();
-        }
-    }
 }
 
 #[cfg(test)]

@@ -158,9 +158,6 @@ impl Writer {
 
     /// Asks the robot's program whether it has executed everything that was sent so far: see
     /// [`Writer::confirmation`].
-    ///
-    /// # Errors
-    /// Those of [`Writer::send`].
     pub fn ask(&mut self, now: Instant) -> Result<(), LinkError> {
         let question = self.queue.ask(now);
         self.asked = Some(Asked { question, at: now });

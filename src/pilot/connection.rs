@@ -1,7 +1,6 @@
 //! The read half of the link in all its states: connecting, connected, pausing.
 
 use std::future::Future;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -10,12 +9,10 @@ use rand::rngs::StdRng;
 use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
-use crate::link::{
-    AcceptedLogin, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
-};
+use crate::link::{AcceptedLogin, Incoming, LinkError, Options, Reader, Session, Supervision};
 use crate::rate_limit::Backoff;
 use crate::robot_socket::FormerLink;
-use crate::wire::{Accepted, Command, Login, Power, Report};
+use crate::wire::Command;
 
 type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
@@ -31,20 +28,9 @@ const HURRIED_ATTEMPT: Duration = Duration::from_secs(1);
 /// [`connect`](crate::link::connect)).
 pub type Connector = Box<dyn FnMut(Supervision) -> Connecting + Send>;
 
-pub(super) struct NewSession {
-    pub(super) accepted: Accepted,
-    pub(super) power: Power,
-    pub(super) peer: SocketAddr,
-    pub(super) early: Vec<Report>,
-    pub(super) writer: Writer,
-    /// How it was logged in to.
-    pub(super) login: Login,
-}
-
 pub(super) enum ConnectionEvent {
-    /// Connected and logged in.
-    Up(Box<NewSession>),
-    /// Something from the robot.
+    /// Connected and logged in; the reader is to be given back to [`Connection::set_up`].
+    Up(Box<Session>),
     Incoming(Incoming),
     /// The robot has accepted the login of an attempt; `None`: that link has ended.
     Accepted(Option<AcceptedLogin>),
@@ -57,6 +43,8 @@ pub(super) enum ConnectionEvent {
 enum State {
     Pausing(Pin<Box<Sleep>>),
     Connecting(Attempt),
+    /// The pilot has the session.
+    Connected,
     Up(Reader),
 }
 
@@ -65,38 +53,6 @@ struct Attempt {
     began: Instant,
     /// Once the robot has accepted the login.
     accepted: watch::Receiver<Option<AcceptedLogin>>,
-}
-
-/// The link is unusable: close it and reconnect.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{reason}")]
-pub(super) struct LinkLost {
-    reason: String,
-}
-
-impl LinkLost {
-    /// For a reason that is not a [`LinkError`].
-    pub(super) fn because(reason: impl Into<String>) -> LinkLost {
-        let reason = reason.into();
-        LinkLost { reason }
-    }
-}
-
-impl From<LinkError> for LinkLost {
-    fn from(error: LinkError) -> LinkLost {
-        LinkLost::because(error.to_string())
-    }
-}
-
-/// The error of a link event, by what it ends.
-#[derive(Debug, thiserror::Error)]
-pub(super) enum ConnectionEventError {
-    /// The link.
-    #[error(transparent)]
-    Lost(#[from] LinkLost),
-    /// The run: the very first connection has failed, and a person can read the error.
-    #[error(transparent)]
-    First(LinkError),
 }
 
 pub(super) struct Connection {
@@ -207,8 +163,19 @@ impl Connection {
                     if let Some(login) = &*attempt.accepted.borrow() {
                         self.former = FormerLink::new(&login.socket, login.peer);
                     }
-                    return self.attempt_ended(result);
+                    return match result {
+                        Ok(session) => {
+                            self.state = State::Connected;
+                            self.backoff.reset();
+                            ConnectionEvent::Up(Box::new(session))
+                        }
+                        Err(error) => {
+                            self.schedule_reconnect();
+                            ConnectionEvent::Failed(error)
+                        }
+                    };
                 }
+                State::Connected => std::future::pending().await,
                 State::Up(reader) => {
                     return match reader.receive().await {
                         Ok(received) => ConnectionEvent::Incoming(received),
@@ -230,19 +197,15 @@ impl Connection {
         // A robot that takes long to answer must have the time at last.
         let patient = self.hurried_attempts > MANY_ATTEMPTS
             && self.hurried_attempts.is_multiple_of(PATIENT_EVERY);
-        Supervision::new(self.last_words.subscribe())
-            .hurried(self.hurried && !patient)
-            .instead_of(self.former)
+        let mut supervision = Supervision::new(self.last_words.subscribe());
+        supervision.hurried = self.hurried && !patient;
+        supervision.former = self.former;
+        supervision
     }
 
-    fn attempt_ended(&mut self, result: Result<Session, LinkError>) -> ConnectionEvent {
-        match result {
-            Ok(session) => self.up(session),
-            Err(error) => {
-                self.schedule_reconnect();
-                ConnectionEvent::Failed(error)
-            }
-        }
+    /// Receives from an open link from now on.
+    pub(super) fn set_up(&mut self, reader: Reader) {
+        self.state = State::Up(reader);
     }
 
     /// Ends an open link: returns its read half, and reconnects after a pause.
@@ -253,33 +216,15 @@ impl Connection {
                 self.schedule_reconnect();
                 Some(reader)
             }
+            State::Connected => {
+                self.schedule_reconnect();
+                None
+            }
             other => {
                 self.state = other;
                 None
             }
         }
-    }
-
-    fn up(&mut self, session: Session) -> ConnectionEvent {
-        let Session {
-            accepted,
-            power,
-            peer,
-            early,
-            reader,
-            writer,
-            login,
-        } = session;
-        self.state = State::Up(reader);
-        self.backoff.reset();
-        ConnectionEvent::Up(Box::new(NewSession {
-            accepted,
-            power,
-            peer,
-            early,
-            writer,
-            login,
-        }))
     }
 
     fn schedule_reconnect(&mut self) {
@@ -305,11 +250,14 @@ fn begin_attempt(connector: &mut Connector, supervision: Supervision) -> State {
 
 #[cfg(test)]
 mod tests {
+    use std::net::SocketAddr;
+
     use tokio::io::{AsyncWriteExt, DuplexStream};
     use tokio::sync::mpsc;
 
     use super::*;
     use crate::link;
+    use crate::wire::{Accepted, Login, Power, Report};
 
     /// A connection to robots that accept each login, and the robots' ends of its links.
     fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {
@@ -352,9 +300,10 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_link_that_has_ended_is_dialled_again_after_a_pause() {
         let (mut connection, mut robots) = connection();
-        let ConnectionEvent::Up(_session) = connection.next().await else {
+        let ConnectionEvent::Up(session) = connection.next().await else {
             panic!("not connected");
         };
+        connection.set_up(session.reader);
         let _robot = robots.recv().await.unwrap();
         assert!(connection.disconnect().is_some());
         assert!(connection.disconnect().is_none());

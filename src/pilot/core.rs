@@ -3,10 +3,10 @@
 //! a new process or a name lookup: code that needs one of these runs elsewhere and sends the result
 //! over a bounded channel.
 
+use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
-use std::{fmt, io};
 
 use rustix::time::{ClockId, clock_gettime};
 use tokio::runtime::{Builder, Handle};
@@ -14,6 +14,7 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use crate::clock::or_never;
 use crate::guardian::{Guardian, GuardianAct, HEARTBEAT_INTERVAL, HEARTBEAT_TIMEOUT};
 use crate::safety::Fact;
 
@@ -32,9 +33,7 @@ pub struct DrivingCore {
 
 impl DrivingCore {
     /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system cannot create the thread or its runtime.
+    /// Fails if the system cannot create the thread or its runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
             .enable_all()
@@ -80,52 +79,11 @@ impl Drop for DrivingCore {
 /// [`HEARTBEAT_TIMEOUT`], is a stall of a busy or virtual machine.
 const LONGEST_STALL: Duration = Duration::from_secs(3);
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Interruption {
-    /// The program was suspended for this long.
-    Suspended(Duration),
-    /// The program stood still for this long.
-    Stalled(Duration),
-    /// The guardian has written its last words in this time: the robot does not do what it was told
-    /// before.
-    GuardianWrote(Duration),
-    /// A person has told the guardian to stop the robot.
-    GuardianStopped,
-}
-
-impl Interruption {
-    pub(super) fn fact(self) -> Fact {
-        match self {
-            Interruption::Suspended(_) | Interruption::GuardianStopped => Fact::Suspended,
-            Interruption::Stalled(gap) => Fact::Stalled {
-                gap,
-                guardian_wrote: false,
-            },
-            Interruption::GuardianWrote(gap) => Fact::Stalled {
-                gap,
-                guardian_wrote: true,
-            },
-        }
-    }
-}
-
-impl fmt::Display for Interruption {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Interruption::Suspended(slept) => {
-                write!(f, "suspended for {:.1} s", slept.as_secs_f64())
-            }
-            Interruption::Stalled(gap) => {
-                write!(f, "the machine stalled for {:.1} s", gap.as_secs_f64())
-            }
-            Interruption::GuardianWrote(_) => {
-                f.write_str("this program hung, and the guardian took its place")
-            }
-            Interruption::GuardianStopped => {
-                f.write_str("this program hung, and a person had the guardian stop the robot")
-            }
-        }
-    }
+/// What has interrupted the core.
+#[derive(Debug, PartialEq)]
+pub(super) struct Interruption {
+    pub(super) what: String,
+    pub(super) fact: Fact,
 }
 
 /// The heartbeat of the core, which the guardian monitors. A beat that comes too late shows that
@@ -185,13 +143,29 @@ impl Heartbeat {
     /// Whether the core was interrupted, and the guardian has done this in its place.
     fn interruption(&mut self, acted: Option<GuardianAct>) -> Option<Interruption> {
         let gap = self.see_awake(boot_time());
-        match acted {
-            _ if gap > LONGEST_STALL => Some(Interruption::Suspended(gap)),
-            Some(GuardianAct::Stopped) => Some(Interruption::GuardianStopped),
-            Some(GuardianAct::Wrote) => Some(Interruption::GuardianWrote(gap)),
-            None if gap > HEARTBEAT_TIMEOUT => Some(Interruption::Stalled(gap)),
-            None => None,
-        }
+        let seconds = gap.as_secs_f64();
+        let guardian_wrote = acted == Some(GuardianAct::Wrote);
+        let stalled = Fact::Stalled {
+            gap,
+            guardian_wrote,
+        };
+        let (what, fact) = match acted {
+            _ if gap > LONGEST_STALL => (format!("suspended for {seconds:.1} s"), Fact::Suspended),
+            Some(GuardianAct::Stopped) => {
+                let what = "this program hung, and a person had the guardian stop the robot";
+                (what.to_owned(), Fact::Suspended)
+            }
+            // The robot does not do what it was told before.
+            Some(GuardianAct::Wrote) => {
+                let what = "this program hung, and the guardian took its place";
+                (what.to_owned(), stalled)
+            }
+            None if gap > HEARTBEAT_TIMEOUT => {
+                (format!("the machine stalled for {seconds:.1} s"), stalled)
+            }
+            None => return None,
+        };
+        Some(Interruption { what, fact })
     }
 
     /// Returns for how long the pilot was not awake.
@@ -208,10 +182,7 @@ impl Heartbeat {
     /// Waits until [`Heartbeat::check_guardian`] has something to check: the guardian answers, has
     /// died, or another one has started. Cancel-safe.
     pub(super) async fn guardian_changed(&mut self) {
-        match &mut self.guardian {
-            Some(guardian) => guardian.changed().await,
-            None => std::future::pending().await,
-        }
+        or_never(self.guardian.as_mut().map(Guardian::changed)).await;
     }
 
     pub(super) fn check_guardian(&mut self) -> Option<Interruption> {
@@ -280,9 +251,9 @@ mod tests {
         };
         assert_eq!(beat_after(HEARTBEAT_INTERVAL), None);
         let stalled = beat_after(HEARTBEAT_TIMEOUT);
-        assert!(matches!(stalled, Some(Interruption::Stalled(_))));
+        assert!(matches!(stalled.unwrap().fact, Fact::Stalled { .. }));
         let suspended = beat_after(LONGEST_STALL);
-        assert!(matches!(suspended, Some(Interruption::Suspended(_))));
+        assert_eq!(suspended.unwrap().fact, Fact::Suspended);
     }
 
     #[test]

@@ -221,6 +221,8 @@ mod tests {
         left: 20,
         right: 20,
     };
+    const ASK: Option<DebtAction> = Some(DebtAction::Ask);
+
     #[test]
     fn a_stop_is_owed_from_the_first_motion_until_a_later_stop_is_executed() {
         let mut debt = Debt::default();
@@ -237,10 +239,7 @@ mod tests {
             "asks later"
         );
         let later = now + ASK_AFTER;
-        assert_eq!(
-            debt.poll(true, Confirmation::Executed, later),
-            Some(DebtAction::Ask)
-        );
+        assert_eq!(debt.poll(true, Confirmation::Executed, later), ASK);
         assert_eq!(debt.poll(true, Confirmation::NotYet, later), None);
         assert_eq!(debt.confirmation(true, later), StopConfirmation::Sending);
         let paid = Some(DebtAction::Paid(StopConfirmation::Executed));
@@ -255,10 +254,7 @@ mod tests {
         let now = Instant::now();
         debt.handle(&[GO], now);
         debt.ask_at_once(now);
-        assert_eq!(
-            debt.poll(true, Confirmation::NotYet, now),
-            Some(DebtAction::Ask)
-        );
+        assert_eq!(debt.poll(true, Confirmation::NotYet, now), ASK);
         debt.handle(&[Command::STOP, Command::Engine(Engage::Dock)], now);
         assert_eq!(debt.poll(true, Confirmation::Executed, now), None);
         assert!(debt.is_owed());
@@ -271,7 +267,7 @@ mod tests {
         debt.handle(&[GO], now);
         debt.ask_at_once(now);
         let received = Confirmation::Received;
-        assert_eq!(debt.poll(true, received, now), Some(DebtAction::Ask));
+        assert_eq!(debt.poll(true, received, now), ASK);
         assert_eq!(debt.poll(true, received, now), None);
         let due = debt.next_deadline(now).unwrap();
         let paid = Some(DebtAction::Paid(StopConfirmation::Acknowledged));
@@ -291,7 +287,7 @@ mod tests {
         assert_eq!(debt.poll(false, unknown, due), Some(DebtAction::Stop));
         debt.handle(&[Command::STOP], due);
         let later = due + ASK_AFTER;
-        assert_eq!(debt.poll(false, unknown, later), Some(DebtAction::Ask));
+        assert_eq!(debt.poll(false, unknown, later), ASK);
     }
 
     #[test]

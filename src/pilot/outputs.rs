@@ -10,12 +10,12 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::connection::{Connection, LinkLost};
+use super::connection::Connection;
 use super::core::Heartbeat;
 use crate::guardian::Route;
-use crate::link::{AcceptedLogin, Writer};
-use crate::robot::Event;
+use crate::link::{AcceptedLogin, LinkError, Writer};
 use crate::robot::channel::{Quiet, Role};
+use crate::robot::{AgentEvent, Event};
 use crate::safety::{Act, Fact, Watchdog};
 use crate::wire::{Command, Engage, Led, Login, Stream};
 
@@ -23,21 +23,6 @@ use crate::wire::{Command, Engage, Led, Login, Stream};
 const STOP: [Command; 2] = [Command::STOP, Command::Engine(Engage::CancelDock)];
 /// The shortest interval between repeated STOPs that are sent.
 const AGAIN: Duration = Duration::from_millis(200);
-
-/// A person's STOP: while it is on, no command that moves the robot is sent, not even when the
-/// watchdog would send a robot with a low battery home. It stays on until a person releases it,
-/// across lost links: each login repeats it. It also applies to the last words.
-#[derive(Debug, Default)]
-pub(super) struct EmergencyStopState {
-    on: bool,
-    last_sent: Option<Instant>,
-}
-
-impl EmergencyStopState {
-    pub(super) fn is_on(&self) -> bool {
-        self.on
-    }
-}
 
 /// What behaviours may still use of the robot while its battery is nearly empty, or the watchdog's
 /// alarm sounds. Motion is not affected: the watchdog decides on it.
@@ -80,13 +65,9 @@ impl Restrictions {
 
 /// Quiet hours: which commands are withheld from the robot meanwhile. Motion is not affected.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct QuietHours(Quiet);
+pub(super) struct QuietHours(pub(super) Quiet);
 
 impl QuietHours {
-    pub(super) fn new(quiet: Quiet) -> QuietHours {
-        QuietHours(quiet)
-    }
-
     /// Whether a behaviour's command may be sent. A rescue behaviour may need the headlight to see
     /// the way home, and a person who sends commands knows what time it is.
     pub(super) fn allows(self, role: Role, command: &Command) -> bool {
@@ -119,13 +100,13 @@ impl QuietHours {
 impl Pilot {
     /// Gives a fact to the watchdog and executes its acts. Like all functions here it fails if the
     /// link is lost.
-    pub(super) fn handle(&mut self, fact: Fact) -> Result<(), LinkLost> {
+    pub(super) fn handle(&mut self, fact: Fact) -> Result<(), LinkError> {
         let acts = self.watchdog.handle(fact, Instant::now());
         self.perform(acts)
     }
 
     /// Executes acts: first all commands in one write, then the rest.
-    pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
+    pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkError> {
         let commands = acts.iter().filter_map(Act::command);
         let commands: Vec<Command> = commands
             .filter(|command| self.quiet_hours.allows_alarm(command))
@@ -144,12 +125,15 @@ impl Pilot {
                     }
                     if let Event::Safety { action, reason } = &event {
                         warn!(%action, "watchdog: {reason}");
+                        self.bus.publish(AgentEvent::Safety {
+                            action: *action,
+                            reason: reason.clone(),
+                        });
                     }
-                    self.publish_safety(&event);
                     self.sessions.tell_all(&event);
                 }
                 Act::Kill(by, reason) => self.sessions.kill(by, reason),
-                Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
+                Act::Reconnect(reason) => done = done.and(Err(LinkError::ClosedHere(reason))),
             }
         }
         done
@@ -157,7 +141,7 @@ impl Pilot {
 
     /// Sends commands without blocking. Without a link they are dropped: the robot's next login
     /// begins with a stop.
-    pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+    pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         let commands = &*self.replace_while_stopped(commands);
         for command in commands {
             if self.simulated && self.writer.is_some() {
@@ -193,8 +177,11 @@ impl Pilot {
         Ok(())
     }
 
-    pub(super) fn set_emergency_stop(&mut self, on: bool) -> Result<(), LinkLost> {
-        let was = std::mem::replace(&mut self.emergency_stop.on, on);
+    /// A person's STOP: while it is on, no command that moves the robot is sent, not even when the
+    /// watchdog would send a robot with a low battery home. It stays on until a person releases it,
+    /// across lost links: each login repeats it. It also applies to the last words.
+    pub(super) fn set_emergency_stop(&mut self, on: bool) -> Result<(), LinkError> {
+        let was = std::mem::replace(&mut self.emergency_stop, on);
         let now = Instant::now();
         self.watchdog.apply(Fact::StoppedByPerson(on), now);
         match (was, on) {
@@ -204,7 +191,7 @@ impl Pilot {
             }
             (true, true) => {
                 let lately = |at: Instant| at.elapsed() < AGAIN;
-                if self.emergency_stop.last_sent.is_some_and(lately) {
+                if self.emergency_stop_sent.is_some_and(lately) {
                     return Ok(());
                 }
                 self.send_emergency_stop()
@@ -220,23 +207,23 @@ impl Pilot {
     }
 
     /// Sends it again if it is on: the robot may not have received it over an earlier link.
-    pub(super) fn repeat_emergency_stop(&mut self) -> Result<(), LinkLost> {
-        if self.emergency_stop.on {
+    pub(super) fn repeat_emergency_stop(&mut self) -> Result<(), LinkError> {
+        if self.emergency_stop {
             self.send_emergency_stop()
         } else {
             Ok(())
         }
     }
 
-    fn send_emergency_stop(&mut self) -> Result<(), LinkLost> {
-        self.emergency_stop.last_sent = Some(Instant::now());
+    fn send_emergency_stop(&mut self) -> Result<(), LinkError> {
+        self.emergency_stop_sent = Some(Instant::now());
         self.send(&STOP)?;
         self.debt.ask_at_once(Instant::now());
         self.check_execution()
     }
 
     pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
-        if !self.emergency_stop.on {
+        if !self.emergency_stop {
             return commands.to_vec();
         }
         let mut replaced: Vec<Command> = commands.iter().filter_map(while_stopped).collect();
@@ -250,7 +237,7 @@ impl Pilot {
     /// Switches off what a nearly empty battery must not feed, and the streams on again when it
     /// charges; drops queued speech when the alarm sounds or the battery is nearly empty. What the
     /// watchdog wants was sent before.
-    pub(super) fn apply_restrictions(&mut self) -> Result<(), LinkLost> {
+    pub(super) fn apply_restrictions(&mut self) -> Result<(), LinkError> {
         let now = Restrictions::demanded_by(&self.watchdog);
         let before = std::mem::replace(&mut self.restrictions, now);
         if before == now {
@@ -309,7 +296,7 @@ impl Pilot {
         };
         self.set_route(peer, login);
         if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
-            guardian.watch_login(socket, last_words);
+            guardian.watch(socket, last_words, true);
         }
     }
 
@@ -317,7 +304,7 @@ impl Pilot {
         let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
         if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            guardian.watch(socket, writer.last_words().1);
+            guardian.watch(socket, writer.last_words().1, false);
         }
     }
 
@@ -402,7 +389,7 @@ mod tests {
     #[test]
     fn quiet_hours_withhold_sounds_and_headlight_from_scripts_but_no_motion() {
         for quiet in [Quiet::Scripts, Quiet::WithAlarm] {
-            let quiet_hours = QuietHours::new(quiet);
+            let quiet_hours = QuietHours(quiet);
             let scripts = |command: &Command| quiet_hours.allows(Role::Behaviour, command);
             assert!(!NOISE.iter().any(scripts));
             assert!(
@@ -425,8 +412,8 @@ mod tests {
     fn the_alarm_sounds_at_night_only_if_the_config_says_so() {
         let play = |command: &&Command| matches!(command, Command::Play(_));
         let sound = ALARM.iter().find(play).unwrap();
-        assert!(QuietHours::new(Quiet::Scripts).allows_alarm(sound));
-        assert!(!QuietHours::new(Quiet::WithAlarm).allows_alarm(sound));
+        assert!(QuietHours(Quiet::Scripts).allows_alarm(sound));
+        assert!(!QuietHours(Quiet::WithAlarm).allows_alarm(sound));
     }
 
     const EMPTY: Restrictions = Restrictions {

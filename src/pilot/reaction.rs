@@ -32,7 +32,6 @@ pub struct Tally {
     pub buckets: Vec<(f64, u64)>,
     /// The sum of all reaction times, in seconds.
     pub sum: f64,
-    /// The number of reactions.
     pub count: u64,
 }
 

@@ -10,9 +10,9 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::connection::LinkLost;
 use super::outputs::{QuietHours, Restrictions};
-use super::throttle::{SharedLimit, Throttle};
+use super::throttle::Throttle;
+use crate::link::LinkError;
 use crate::robot::channel::{
     EventSender, Quiet, Request, Role, RunningBehaviour, RunningBehaviours,
 };
@@ -26,7 +26,7 @@ use crate::wire::{Command, Engage, Stream};
 const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 impl Pilot {
-    pub(super) fn serve(&mut self, request: Request) -> Result<(), LinkLost> {
+    pub(super) fn serve(&mut self, request: Request) -> Result<(), LinkError> {
         self.heartbeat()?;
         match request {
             Request::Join {
@@ -82,7 +82,7 @@ impl Pilot {
         by: BehaviourId,
         priority: Priority,
         intent: Intent,
-    ) -> Result<(), LinkLost> {
+    ) -> Result<(), LinkError> {
         match intent {
             Intent::Release { .. } => {
                 self.defer(Fact::Asked {
@@ -127,7 +127,7 @@ impl Pilot {
     }
 
     /// Switches a stream now, or a little later if the behaviour switches too often.
-    fn stream(&mut self, by: BehaviourId, stream: Stream, on: bool) -> Result<(), LinkLost> {
+    fn stream(&mut self, by: BehaviourId, stream: Stream, on: bool) -> Result<(), LinkError> {
         self.sessions.want(by, stream, on);
         let now = Instant::now();
         if self
@@ -141,7 +141,7 @@ impl Pilot {
     }
 
     /// Sends a light or a sound if it changes anything and the behaviour is allowed to.
-    fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkLost> {
+    fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkError> {
         if !self.allows(by, &command)
             || !self.actuators.is_news(&command)
             || !self.sessions.admits(by, &command, Instant::now())
@@ -159,8 +159,8 @@ impl Pilot {
         self.quiet_hours.allows(role, command) && self.sessions.allows(by, command, restrictions)
     }
 
-    fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
-        let quiet_hours = QuietHours::new(quiet);
+    fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkError> {
+        let quiet_hours = QuietHours(quiet);
         if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
             return Ok(());
         }
@@ -175,7 +175,7 @@ impl Pilot {
     }
 
     /// Releases the link, or reconnects: see [`Request::Release`].
-    fn release(&mut self, release: bool) -> Result<(), LinkLost> {
+    fn release(&mut self, release: bool) -> Result<(), LinkError> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
         let busy = away || self.debt.is_owed() || !self.sessions.behaviours().is_empty();
         if release && (busy || self.writer.is_none()) {
@@ -183,7 +183,9 @@ impl Pilot {
         }
         let before = std::mem::replace(&mut self.released, release);
         if release && !before {
-            Err(LinkLost::because("disconnected, no behaviour runs"))
+            Err(LinkError::ClosedHere(
+                "disconnected, no behaviour runs".to_owned(),
+            ))
         } else {
             Ok(())
         }
@@ -197,7 +199,7 @@ impl Pilot {
         self.has_deferred = true;
     }
 
-    pub(super) fn flush_deferred(&mut self) -> Result<(), LinkLost> {
+    pub(super) fn flush_deferred(&mut self) -> Result<(), LinkError> {
         if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
         }
@@ -207,7 +209,7 @@ impl Pilot {
 
     /// Sounds the alarm for a behaviour that was given up, as soon as the robot is connected. It is
     /// as loud as the watchdog's own.
-    pub(super) fn sound_alarm(&mut self) -> Result<(), LinkLost> {
+    pub(super) fn sound_alarm(&mut self) -> Result<(), LinkError> {
         if !self.alarm_due || self.writer.is_none() {
             return Ok(());
         }
@@ -220,7 +222,7 @@ impl Pilot {
         self.send(&alarm)
     }
 
-    fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkLost> {
+    fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkError> {
         let command = Command::Audio(samples.clone());
         if !self.allows(by, &command) || !self.sessions.admits(by, &command, Instant::now()) {
             return Ok(());
@@ -243,7 +245,7 @@ impl Pilot {
     }
 
     /// Switches the streams of a behaviour that switched them too often, once the delay is over.
-    pub(super) fn catch_up_streams(&mut self) -> Result<(), LinkLost> {
+    pub(super) fn catch_up_streams(&mut self) -> Result<(), LinkError> {
         match self.streams_due.take_if(|at| *at <= Instant::now()) {
             Some(_) => self.apply_streams(false),
             None => Ok(()),
@@ -252,7 +254,7 @@ impl Pilot {
 
     /// Switches the streams that the behaviours want; `after_login`: the login has switched all
     /// streams off.
-    pub(super) fn apply_streams(&mut self, after_login: bool) -> Result<(), LinkLost> {
+    pub(super) fn apply_streams(&mut self, after_login: bool) -> Result<(), LinkError> {
         let restrictions = Restrictions::demanded_by(&self.watchdog);
         let commands = self.sessions.stream_changes(after_login, restrictions);
         if commands.is_empty() || self.writer.is_none() {
@@ -300,7 +302,7 @@ pub(super) struct Sessions {
     streaming: BTreeSet<Stream>,
     usage: Streams,
     /// The limit for all behaviours together; `None` before the first command.
-    shared: Option<SharedLimit>,
+    shared: Option<Throttle>,
 }
 
 impl Sessions {
@@ -349,7 +351,7 @@ impl Sessions {
         let Some(session) = self.sessions.get_mut(&by) else {
             return false;
         };
-        let shared = self.shared.get_or_insert_with(SharedLimit::new);
+        let shared = self.shared.get_or_insert_with(Throttle::shared);
         if !session.throttle.admits(command, now) {
             session.log_refusals();
             return false;
@@ -520,18 +522,15 @@ mod tests {
         }
     }
 
+    fn join(sessions: &mut Sessions, by: BehaviourId, role: Role) {
+        sessions.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+    }
+
     #[test]
     fn a_stream_is_on_while_any_behaviour_wants_it() {
         let mut sessions = Sessions::default();
         for by in [ONE, TWO] {
-            sessions.join(
-                by,
-                "one".to_owned(),
-                Priority(0),
-                Role::Behaviour,
-                events().0,
-                &[],
-            );
+            join(&mut sessions, by, Role::Behaviour);
             sessions.want(by, Stream::Video, true);
         }
         assert_eq!(sessions.stream_changes(false, USUAL), [video(true)]);
@@ -554,14 +553,7 @@ mod tests {
             audio_in: Use::Off,
             ..Streams::default()
         });
-        sessions.join(
-            ONE,
-            "one".to_owned(),
-            Priority(0),
-            Role::Behaviour,
-            events().0,
-            &[],
-        );
+        join(&mut sessions, ONE, Role::Behaviour);
         sessions.want(ONE, Stream::AudioIn, true);
         assert_eq!(sessions.stream_changes(true, USUAL), [video(true)]);
         assert!(sessions.streams(Stream::Video) && !sessions.streams(Stream::AudioIn));
@@ -581,7 +573,7 @@ mod tests {
             ..Streams::default()
         });
         for (by, role) in [(ONE, Role::Behaviour), (TWO, Role::Rescuer)] {
-            sessions.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+            join(&mut sessions, by, role);
             sessions.want(by, Stream::AudioIn, true);
         }
         let audio = |on| Command::Stream {

@@ -14,7 +14,6 @@ const LONGEST: Duration = Duration::from_secs(60);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SilenceAction {
-    /// Ask a question.
     Ask,
     /// The robot is gone, even if its system still acknowledges data.
     Gone(Duration),

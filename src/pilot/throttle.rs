@@ -32,6 +32,15 @@ impl Throttle {
         }
     }
 
+    /// The limit for all behaviours together, with nothing for speech.
+    pub(super) fn shared() -> Throttle {
+        Throttle {
+            commands: TokenBucket::new(SHARED_COMMANDS, SHARED_COMMANDS),
+            speech: TokenBucket::new(f64::MAX, 0.0),
+            refused: 0,
+        }
+    }
+
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         let admitted = match command {
             Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
@@ -62,19 +71,6 @@ fn cost(command: &Command) -> f64 {
     match command {
         Command::Engine(Engage::Dock) => 4.0,
         _ => 1.0,
-    }
-}
-
-#[derive(Debug)]
-pub(super) struct SharedLimit(TokenBucket);
-
-impl SharedLimit {
-    pub(super) fn new() -> SharedLimit {
-        SharedLimit(TokenBucket::new(SHARED_COMMANDS, SHARED_COMMANDS))
-    }
-
-    pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
-        matches!(command, Command::Audio(_)) || self.0.take(cost(command), now)
     }
 }
 
@@ -131,7 +127,7 @@ mod tests {
     #[test]
     fn behaviours_together_share_a_limit_that_excludes_speech() {
         let start = Instant::now();
-        let mut shared = SharedLimit::new();
+        let mut shared = Throttle::shared();
         assert!((0..SHARED_COMMANDS as usize).all(|_| shared.admits(&Command::StopSound, start)));
         assert!(!shared.admits(&Command::StopSound, start));
         assert!(shared.admits(&Command::Audio(vec![0; 9].into()), start));

@@ -12,10 +12,11 @@ use tokio::time::Instant;
 use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
 
 /// The state of the watchdog.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WatchdogState {
     /// No link.
+    #[default]
     Offline,
     /// Free to move.
     Free,

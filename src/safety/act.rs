@@ -12,16 +12,11 @@ pub enum Fact {
     LinkUp {
         /// Whether the login says that the robot is on its station.
         docked: bool,
-        /// The first battery level.
         power: Power,
     },
-    /// The link is lost.
     LinkDown,
-    /// Bytes came from the robot.
     BytesReceived,
-    /// A battery level was received.
     Power(Power),
-    /// An ENGINE message was received.
     Engine(EngineReport),
     /// The time that the robot's program takes for one message.
     Pace(Duration),
@@ -29,9 +24,7 @@ pub enum Fact {
     Streaming(bool),
     /// A behaviour requests something that moves the robot.
     Asked {
-        /// The behaviour.
         by: BehaviourId,
-        /// Its priority.
         priority: Priority,
         /// The request. An intent that moves nothing is ignored.
         intent: Intent,
@@ -47,7 +40,6 @@ pub enum Fact {
     Suspended,
     /// The program, or the whole machine, stood still for a moment.
     Stalled {
-        /// For how long.
         gap: Duration,
         /// The guardian has sent the last words meanwhile.
         guardian_wrote: bool,
@@ -64,7 +56,6 @@ pub enum Fact {
 /// An output: something to do now. All commands of one batch of acts go out in one write.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Act {
-    /// Send a command to the robot.
     Send(Command),
     /// Send an event to one behaviour.
     Tell(BehaviourId, Event),

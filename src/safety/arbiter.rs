@@ -10,29 +10,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use crate::robot::{BehaviourId, MotionEnd, MotionId, Priority, Setpoint};
-
-/// A setpoint that has ended, to be reported to its behaviour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct EndedMotion {
-    /// The behaviour that set it.
-    pub by: BehaviourId,
-    /// Its number.
-    pub motion: MotionId,
-    /// How it ended.
-    pub end: MotionEnd,
-}
-
-/// A timed setpoint that waits for the robot's queue, or has begun after it waited.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct WaitingMotion {
-    /// The behaviour that set it.
-    pub by: BehaviourId,
-    /// Its number.
-    pub motion: MotionId,
-    /// Whether it waits.
-    pub waits: bool,
-}
+use super::Act;
+use crate::robot::{BehaviourId, Event, MotionEnd, MotionId, Priority, Setpoint};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Start {
@@ -61,12 +40,10 @@ struct Claim {
 }
 
 impl Claim {
-    fn ended(&self, end: MotionEnd) -> EndedMotion {
-        EndedMotion {
-            by: self.by,
-            motion: self.motion,
-            end,
-        }
+    /// Tells the behaviour that its setpoint has ended.
+    fn ended(&self, end: MotionEnd) -> Act {
+        let motion = self.motion;
+        Act::Tell(self.by, Event::MotionEnded { motion, end })
     }
 
     /// When its time is over; `None` if it has no limit, or has not begun.
@@ -96,7 +73,7 @@ impl Arbiter {
         setpoint: Setpoint,
         duration: Option<Duration>,
         now: Instant,
-    ) -> Vec<EndedMotion> {
+    ) -> Vec<Act> {
         let limit = duration.map(|duration| TimeLimit {
             duration,
             until: now + duration,
@@ -128,15 +105,15 @@ impl Arbiter {
     }
 
     /// Ends all timed claims but the first: they do not stand by.
-    fn preempt_timed(&mut self) -> Vec<EndedMotion> {
+    fn preempt_timed(&mut self) -> Vec<Act> {
         let mut first = true;
         let keep = |claim: &Claim| std::mem::take(&mut first) || claim.limit.is_none();
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
-    /// Notes whether a MOVE with a new setpoint waits. Returns the timed setpoint that has begun to
+    /// Notes whether a MOVE with a new setpoint waits. Tells of the timed setpoint that has begun to
     /// wait, or has begun after it waited.
-    pub fn set_waiting(&mut self, waits: bool, now: Instant) -> Option<WaitingMotion> {
+    pub fn set_waiting(&mut self, waits: bool, now: Instant) -> Option<Act> {
         let claim = self.claims.first_mut()?;
         let limit = claim.limit.as_mut()?;
         match (limit.start, waits) {
@@ -151,15 +128,13 @@ impl Arbiter {
                 limit.until = now + limit.duration;
             }
         }
-        Some(WaitingMotion {
-            by: claim.by,
-            motion: claim.motion,
-            waits,
-        })
+        let motion = claim.motion;
+        let event = Event::MotionWaiting { motion, on: waits };
+        Some(Act::Tell(claim.by, event))
     }
 
     /// Ends a behaviour's claim if it is still `motion`.
-    pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<EndedMotion> {
+    pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<Act> {
         self.end_unless(
             |claim| claim.by != by || claim.motion != motion,
             MotionEnd::Done,
@@ -167,7 +142,7 @@ impl Arbiter {
     }
 
     /// `robot.stop()`: ends the behaviour's own claim, and every claim of equal or lower priority.
-    pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<EndedMotion> {
+    pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<Act> {
         let mut ended = self.clear_of(by, MotionEnd::Cancelled);
         ended.extend(self.end_unless(|claim| claim.priority > priority, MotionEnd::Preempted));
         ended
@@ -187,18 +162,16 @@ impl Arbiter {
         self.claims.retain(|claim| claim.by != by);
     }
 
-    /// Ends a behaviour's claim.
-    pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<EndedMotion> {
+    pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<Act> {
         self.end_unless(|claim| claim.by != by, end)
     }
 
-    /// Ends every claim.
-    pub fn clear(&mut self, end: MotionEnd) -> Vec<EndedMotion> {
+    pub fn clear(&mut self, end: MotionEnd) -> Vec<Act> {
         self.end_unless(|_| false, end)
     }
 
     /// Ends the claims whose duration is over.
-    pub fn expire(&mut self, now: Instant) -> Vec<EndedMotion> {
+    pub fn expire(&mut self, now: Instant) -> Vec<Act> {
         self.end_unless(
             |claim| claim.deadline().is_none_or(|until| until > now),
             MotionEnd::Done,
@@ -234,7 +207,7 @@ impl Arbiter {
         self.claims.iter().filter_map(Claim::deadline).min()
     }
 
-    fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<EndedMotion> {
+    fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<Act> {
         let (kept, over): (Vec<Claim>, Vec<Claim>) = self.claims.drain(..).partition(keep);
         self.claims = kept;
         over.iter().map(|claim| claim.ended(end)).collect()
@@ -258,59 +231,21 @@ mod tests {
         Setpoint::from_percent(percent, percent).unwrap()
     }
 
-    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> EndedMotion {
-        EndedMotion {
-            by: who.0,
-            motion: MotionId(motion),
-            end,
-        }
+    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> Act {
+        let motion = MotionId(motion);
+        Act::Tell(who.0, Event::MotionEnded { motion, end })
     }
 
     #[test]
-    fn the_higher_priority_drives_and_the_lower_takes_over_again() {
-        let mut arbiter = Arbiter::default();
-        let now = Instant::now();
-        assert_eq!(
-            arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now),
-            []
-        );
-        assert_eq!(
-            arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now),
-            []
-        );
-        assert_eq!(arbiter.setpoint(), at(-20.0));
-        arbiter.release(AVOID.0, MotionId(1));
-        assert_eq!(arbiter.setpoint(), at(40.0));
-    }
-
-    #[test]
-    fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
+    fn a_timed_move_of_the_loser_is_preempted_before_and_after_the_winner_comes() {
         let mut arbiter = Arbiter::default();
         let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(7), at(40.0), Some(SECOND), now);
-        let over = arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), Some(SECOND), now);
+        let over = arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
-    }
-
-    #[test]
-    fn a_timed_move_below_the_driver_is_preempted_at_once() {
-        let mut arbiter = Arbiter::default();
-        let now = Instant::now();
-        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), Some(SECOND), now);
         assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
         assert_eq!(arbiter.setpoint(), at(-20.0));
-    }
-
-    #[test]
-    fn among_equals_the_first_keeps_the_tracks() {
-        let mut arbiter = Arbiter::default();
-        let now = Instant::now();
-        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
-        arbiter.claim(OTHER.0, OTHER.1, MotionId(1), at(90.0), None, now);
-        assert_eq!(arbiter.setpoint(), at(40.0));
-        arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
-        assert_eq!(arbiter.setpoint(), at(50.0));
     }
 
     #[test]
@@ -325,24 +260,13 @@ mod tests {
     }
 
     #[test]
-    fn the_claim_of_a_forgotten_behaviour_is_dropped() {
-        let mut arbiter = Arbiter::default();
-        let now = Instant::now();
-        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
-        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
-        arbiter.forget(AVOID.0);
-        assert_eq!(arbiter.setpoint(), at(40.0));
-        assert!(arbiter.claimants().eq([PATROL.0]));
-    }
-
-    #[test]
     fn the_time_of_a_timed_move_begins_when_its_move_no_longer_waits() {
         let mut arbiter = Arbiter::default();
         let now = Instant::now();
         let (by, priority) = PATROL;
         arbiter.claim(by, priority, MotionId(1), at(40.0), Some(SECOND), now);
         let motion = MotionId(1);
-        let waiting = |waits| Some(WaitingMotion { by, motion, waits });
+        let waiting = |on| Some(Act::Tell(by, Event::MotionWaiting { motion, on }));
         assert_eq!(arbiter.set_waiting(true, now), waiting(true));
         assert_eq!(arbiter.set_waiting(true, now + SECOND), None);
         assert_eq!(arbiter.expire(now + 2 * SECOND), []);
@@ -356,20 +280,6 @@ mod tests {
             arbiter.expire(written + SECOND),
             [ended(PATROL, 1, MotionEnd::Done)]
         );
-    }
-
-    #[test]
-    fn a_timed_move_expires() {
-        let mut arbiter = Arbiter::default();
-        let now = Instant::now();
-        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
-        assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
-        assert_eq!(arbiter.expire(now + SECOND / 2), []);
-        assert_eq!(
-            arbiter.expire(now + SECOND),
-            [ended(PATROL, 1, MotionEnd::Done)]
-        );
-        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
     }
 
     #[test]
@@ -548,8 +458,11 @@ mod tests {
                     prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
                     prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
                     // A behaviour that lost its setpoint is told so once, unless it has ended.
-                    let holds = |held: &[Option<Held>; 5], ended: &EndedMotion| {
-                        held.iter().flatten().any(|held| held.motion == ended.motion)
+                    let holds = |held: &[Option<Held>; 5], ended: &Act| match ended {
+                        Act::Tell(_, Event::MotionEnded { motion, .. }) => {
+                            held.iter().flatten().any(|held| held.motion == *motion)
+                        }
+                        _ => false,
                     };
                     for ended in &over {
                         prop_assert!(!holds(&model.held, ended), "{:?} still holds", ended);

@@ -46,7 +46,6 @@ pub enum BatteryChange {
     Released,
 }
 
-/// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
     /// The last report denies it, or whether it charges is not known.
@@ -71,7 +70,6 @@ pub struct BatteryMonitor {
     told: Option<Instant>,
     /// Reports come, but none has had a level for [`BatteryMonitor::LEVEL_LIFETIME`].
     level_unknown: bool,
-    /// Since when it charges.
     charging_since: Option<Instant>,
     /// It has charged for [`BatteryMonitor::FILL_TIME`], or the robot has reported that it is full.
     filled: bool,
@@ -289,7 +287,6 @@ impl BatteryMonitor {
         self.filled || self.level.is_some_and(|(level, _)| level >= self.ok)
     }
 
-    /// Whether the battery charges.
     pub fn charging(&self) -> Charging {
         self.charging
     }
@@ -476,20 +473,6 @@ mod tests {
     }
 
     #[test]
-    fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
-        assert_eq!(Rig::at(10).report_in(10, true, true), RELEASED);
-        let mut rig = Rig::at(10);
-        assert_eq!(
-            rig.monitor.contact(rig.now),
-            None,
-            "contact alone is not charging"
-        );
-        rig.report(10, true);
-        assert_eq!(rig.monitor.contact(rig.now), RELEASED);
-        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
-    }
-
-    #[test]
     fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
         let mut rig = Rig::at(10);
         for percent in [100, 30, 70] {
@@ -548,15 +531,6 @@ mod tests {
         let later = |ms| rig.now + Duration::from_millis(ms);
         assert!(rig.monitor.is_fresh(later(599_999)));
         assert!(!rig.monitor.is_fresh(later(600_000)));
-    }
-
-    #[test]
-    fn on_the_station_silence_is_excused() {
-        let mut rig = Rig::new();
-        rig.report(80, true);
-        let later = rig.now + Duration::from_secs(599);
-        rig.monitor.excuse_silence(later);
-        assert_eq!(rig.monitor.poll(rig.now + Duration::from_secs(700)), None);
     }
 
     #[test]

@@ -12,13 +12,7 @@ use crate::robot::Setpoint;
 pub struct BlindMove {
     turns_until: Instant,
     until: Instant,
-    way: Way,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Way {
-    Ahead,
-    Back,
+    back: bool,
 }
 
 impl BlindMove {
@@ -43,26 +37,25 @@ impl BlindMove {
             0 => Duration::ZERO,
             _ => BlindMove::TURN,
         };
-        let way = match number % 4 {
-            0 | 1 => Way::Ahead,
-            _ => Way::Back,
-        };
         let longer = Duration::from_secs((number / 4).into());
         let straight = BlindMove::LONGEST.min(BlindMove::SHORTEST + longer);
         BlindMove {
             turns_until: now + turn,
             until: now + turn + straight,
-            way,
+            back: number % 4 >= 2,
         }
     }
 
     /// The setpoint of the tracks; `None` once the blind move has ended.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
-        let (left, right) = match self.way {
-            _ if now >= self.until => return None,
-            _ if now < self.turns_until => (-1.0, 1.0),
-            Way::Ahead => (1.0, 1.0),
-            Way::Back => (-1.0, -1.0),
+        let (left, right) = if now >= self.until {
+            return None;
+        } else if now < self.turns_until {
+            (-1.0, 1.0)
+        } else if self.back {
+            (-1.0, -1.0)
+        } else {
+            (1.0, 1.0)
         };
         Setpoint::from_percent(left * BlindMove::PERCENT, right * BlindMove::PERCENT)
     }

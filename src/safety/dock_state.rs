@@ -17,15 +17,15 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 /// Where the robot is. The module's table lists what each state allows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum DockState {
     /// On the station and charging.
     Charging,
     /// On the station, by its own report, and not charging.
     ContactReported,
-    /// Off the station.
-    Left(Source),
+    Left,
     /// On the station or off it.
+    #[default]
     Unknown,
 }
 
@@ -34,21 +34,10 @@ impl fmt::Display for DockState {
         f.write_str(match self {
             DockState::Charging => "on its station, charging",
             DockState::ContactReported => "on its station, not charging",
-            DockState::Left(_) => "off its station",
+            DockState::Left => "off its station",
             DockState::Unknown => "unknown",
         })
     }
-}
-
-/// The evidence that the robot is off its station.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Source {
-    /// ENGINE 1.
-    Engine,
-    /// The answer to the login.
-    Login,
-    /// A POWER that reports no charging, after CHARGE_STOP.
-    Power,
 }
 
 /// Why the robot is no longer believed to be on its station.
@@ -85,7 +74,6 @@ impl DockTracker {
     /// 1.
     const JUST_LEFT: Duration = Duration::from_secs(10);
 
-    /// Begins with [`DockState::Unknown`].
     pub fn new(charge_timeout: Duration) -> DockTracker {
         DockTracker {
             dock_state: DockState::Unknown,
@@ -98,7 +86,6 @@ impl DockTracker {
         }
     }
 
-    /// Where the robot is.
     pub fn dock_state(&self) -> DockState {
         self.dock_state
     }
@@ -135,7 +122,7 @@ impl DockTracker {
         self.settle_charge_stop();
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
-            return self.set_left(Source::Login);
+            return self.set_left();
         }
         self.contact = true;
         if tried {
@@ -162,11 +149,10 @@ impl DockTracker {
     pub fn undocked(&mut self, now: Instant) {
         let left = self.charge_stop_sent.then_some(now);
         self.settle_charge_stop();
-        self.set_left(Source::Engine);
+        self.set_left();
         self.left_at = left;
     }
 
-    /// Handles a battery report.
     pub fn power(&mut self, charging: bool, now: Instant) {
         if charging {
             (self.dock_state, self.charge_due) = (DockState::Charging, None);
@@ -240,13 +226,13 @@ impl DockTracker {
         (self.leaving, self.charge_stop_sent, self.left_at) = (None, false, None);
     }
 
-    fn set_left(&mut self, source: Source) {
-        (self.dock_state, self.contact, self.charge_due) = (DockState::Left(source), false, None);
+    fn set_left(&mut self) {
+        (self.dock_state, self.contact, self.charge_due) = (DockState::Left, false, None);
     }
 
     fn charging_ended(&mut self, now: Instant) {
         if self.is_leaving() {
-            self.set_left(Source::Power);
+            self.set_left();
         } else if self.contact {
             self.dock_state = DockState::ContactReported;
             self.charge_due = Some(now + self.charge_timeout);
@@ -267,10 +253,10 @@ mod tests {
         let texts = [
             DockState::Charging,
             DockState::ContactReported,
-            DockState::Left(Source::Login),
+            DockState::Left,
             DockState::Unknown,
         ];
-        let texts = texts.map(|dock_state| dock_state.to_string());
+        let texts = texts.map(|text| text.to_string());
         assert_eq!(texts[0], "on its station, charging");
         assert_eq!(texts[2], "off its station");
         assert!(texts.iter().all(|text| !text.is_empty()));
@@ -281,187 +267,183 @@ mod tests {
     }
 
     fn on_contact() -> (DockTracker, Instant) {
-        let (mut dock_state, now) = nowhere();
-        dock_state.login(true, false, now);
-        (dock_state, now)
+        let (mut tracker, now) = nowhere();
+        tracker.login(true, false, now);
+        (tracker, now)
     }
 
     #[test]
     fn each_report_sets_its_place() {
-        let (mut dock_state, now) = nowhere();
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        dock_state.login(false, false, now);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Login));
-        dock_state.docked(now);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
-        dock_state.power(true, now);
-        assert_eq!(dock_state.dock_state(), DockState::Charging);
-        dock_state.docked(now);
+        let (mut tracker, now) = nowhere();
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        tracker.login(false, false, now);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        tracker.docked(now);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
+        tracker.power(true, now);
+        assert_eq!(tracker.dock_state(), DockState::Charging);
+        tracker.docked(now);
+        assert_eq!(tracker.dock_state(), DockState::Charging, "a late report");
+        tracker.power(false, now);
         assert_eq!(
-            dock_state.dock_state(),
-            DockState::Charging,
-            "a late report"
-        );
-        dock_state.power(false, now);
-        assert_eq!(
-            dock_state.dock_state(),
+            tracker.dock_state(),
             DockState::ContactReported,
             "full, or no current"
         );
-        dock_state.undocked(now);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Engine));
+        tracker.undocked(now);
+        assert_eq!(tracker.dock_state(), DockState::Left);
     }
 
     #[test]
     fn charging_that_ends_without_reported_contact_leaves_the_place_unknown() {
-        let (mut dock_state, now) = nowhere();
-        dock_state.login(false, false, now);
-        dock_state.power(true, now);
-        dock_state.power(false, now);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = nowhere();
+        tracker.login(false, false, now);
+        tracker.power(true, now);
+        tracker.power(false, now);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn an_unconfirmed_undocking_leaves_the_place_unknown() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        dock_state.leave_station(20 * SECOND, now);
-        assert_eq!(dock_state.next_deadline(false), Some(now + 20 * SECOND));
-        dock_state.poll(false, now + 19 * SECOND);
-        assert!(dock_state.on_station() && dock_state.is_leaving());
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        tracker.leave_station(20 * SECOND, now);
+        assert_eq!(tracker.next_deadline(false), Some(now + 20 * SECOND));
+        tracker.poll(false, now + 19 * SECOND);
+        assert!(tracker.on_station() && tracker.is_leaving());
         assert_eq!(
-            dock_state.poll(false, now + 20 * SECOND),
+            tracker.poll(false, now + 20 * SECOND),
             Some(Contradiction::Leaving)
         );
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        assert!(!dock_state.is_leaving());
-        assert_eq!(dock_state.next_deadline(false), None);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        assert!(!tracker.is_leaving());
+        assert_eq!(tracker.next_deadline(false), None);
     }
 
     #[test]
     fn a_confirmation_is_awaited_for_a_minute_at_most() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.leave_station(Duration::MAX, now);
-        dock_state.poll(false, now + 60 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = on_contact();
+        tracker.leave_station(Duration::MAX, now);
+        tracker.poll(false, now + 60 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn charging_that_ends_after_charge_stop_is_evidence_and_the_robot_still_backs_out() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        dock_state.leave_station(20 * SECOND, now);
-        dock_state.power(false, now + SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
-        assert!(dock_state.is_leaving());
-        dock_state.poll(false, now + 20 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
-        assert!(!dock_state.is_leaving());
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        tracker.leave_station(20 * SECOND, now);
+        tracker.power(false, now + SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        assert!(tracker.is_leaving());
+        tracker.poll(false, now + 20 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Left);
+        assert!(!tracker.is_leaving());
     }
 
     #[test]
     fn a_report_ends_the_wait_for_a_confirmation() {
         for docked in [true, false] {
-            let (mut dock_state, now) = on_contact();
-            dock_state.leave_station(20 * SECOND, now);
+            let (mut tracker, now) = on_contact();
+            tracker.leave_station(20 * SECOND, now);
             if docked {
-                dock_state.docked(now);
+                tracker.docked(now);
             } else {
-                dock_state.undocked(now);
+                tracker.undocked(now);
             }
-            assert!(!dock_state.is_leaving());
-            dock_state.poll(false, now + 60 * SECOND);
-            assert_eq!(dock_state.on_station(), docked);
+            assert!(!tracker.is_leaving());
+            tracker.poll(false, now + 60 * SECOND);
+            assert_eq!(tracker.on_station(), docked);
         }
     }
 
     #[test]
     fn contact_without_charging_expires_only_while_low() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.poll(false, now + 3600 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        let (mut tracker, now) = on_contact();
+        tracker.poll(false, now + 3600 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
         let low = now + 7200 * SECOND;
-        dock_state.expect_charge(low);
-        assert_eq!(dock_state.next_deadline(true), Some(low + 30 * SECOND));
-        assert_eq!(dock_state.next_deadline(false), None);
-        dock_state.poll(true, low + 29 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        tracker.expect_charge(low);
+        assert_eq!(tracker.next_deadline(true), Some(low + 30 * SECOND));
+        assert_eq!(tracker.next_deadline(false), None);
+        tracker.poll(true, low + 29 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
         assert_eq!(
-            dock_state.poll(true, low + 30 * SECOND),
+            tracker.poll(true, low + 30 * SECOND),
             Some(Contradiction::Contact)
         );
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn a_new_login_does_not_extend_contact_while_low() {
-        let (mut dock_state, now) = on_contact();
+        let (mut tracker, now) = on_contact();
         for second in 1..30 {
-            dock_state.login(true, true, now + second * SECOND);
-            assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
+            tracker.login(true, true, now + second * SECOND);
+            assert_eq!(tracker.next_deadline(true), Some(now + 30 * SECOND));
         }
-        dock_state.login(true, true, now + 30 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
-        dock_state.docked(now + 40 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 70 * SECOND));
+        tracker.login(true, true, now + 30 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
+        tracker.docked(now + 40 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 70 * SECOND));
     }
 
     #[test]
     fn a_new_login_renews_contact_once_the_battery_was_good() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.expect_charge(now);
-        dock_state.poll(true, now + 30 * SECOND);
-        dock_state.poll(false, now + 31 * SECOND);
-        dock_state.login(true, true, now + 40 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        let (mut tracker, now) = on_contact();
+        tracker.expect_charge(now);
+        tracker.poll(true, now + 30 * SECOND);
+        tracker.poll(false, now + 31 * SECOND);
+        tracker.login(true, true, now + 40 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
     }
 
     #[test]
     fn expired_contact_is_not_believed_at_the_next_login_while_low() {
-        let (mut dock_state, now) = on_contact();
+        let (mut tracker, now) = on_contact();
         assert_eq!(
-            dock_state.poll(true, now + 30 * SECOND),
+            tracker.poll(true, now + 30 * SECOND),
             Some(Contradiction::Contact)
         );
-        assert!(dock_state.has_contact());
-        dock_state.login(true, true, now + 31 * SECOND);
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        assert!(tracker.has_contact());
+        tracker.login(true, true, now + 31 * SECOND);
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 
     #[test]
     fn contact_reported_after_its_expiry_has_new_time() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.docked(now + 10 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
-        dock_state.docked(now + 30 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 60 * SECOND));
+        let (mut tracker, now) = on_contact();
+        tracker.docked(now + 10 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 30 * SECOND));
+        tracker.docked(now + 30 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 60 * SECOND));
     }
 
     #[test]
     fn charging_that_ends_on_the_contacts_may_resume_in_time() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.power(true, now);
-        assert_eq!(dock_state.next_deadline(true), None);
-        dock_state.power(false, now + 100 * SECOND);
-        assert_eq!(dock_state.next_deadline(true), Some(now + 130 * SECOND));
+        let (mut tracker, now) = on_contact();
+        tracker.power(true, now);
+        assert_eq!(tracker.next_deadline(true), None);
+        tracker.power(false, now + 100 * SECOND);
+        assert_eq!(tracker.next_deadline(true), Some(now + 130 * SECOND));
     }
 
     #[test]
     fn an_unconfirmed_undocking_clears_contact() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.leave_station(20 * SECOND, now);
-        assert!(dock_state.has_contact());
-        dock_state.poll(false, now + 20 * SECOND);
-        assert!(!dock_state.has_contact());
+        let (mut tracker, now) = on_contact();
+        tracker.leave_station(20 * SECOND, now);
+        assert!(tracker.has_contact());
+        tracker.poll(false, now + 20 * SECOND);
+        assert!(!tracker.has_contact());
     }
 
     #[test]
     fn after_a_suspension_an_undocking_is_in_doubt() {
-        let (mut dock_state, now) = on_contact();
-        dock_state.contradict_leaving();
-        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
-        dock_state.leave_station(20 * SECOND, now);
-        dock_state.contradict_leaving();
-        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        let (mut tracker, now) = on_contact();
+        tracker.contradict_leaving();
+        assert_eq!(tracker.dock_state(), DockState::ContactReported);
+        tracker.leave_station(20 * SECOND, now);
+        tracker.contradict_leaving();
+        assert_eq!(tracker.dock_state(), DockState::Unknown);
     }
 }

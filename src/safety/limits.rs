@@ -92,26 +92,24 @@ impl Default for Limits {
     }
 }
 
-/// Why values in [`Limits`] contradict each other.
+/// Why values in [`Limits`] are refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
     /// The levels of the battery are not in order.
     #[error("watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})")]
     Levels {
-        /// As given.
         critical: Percent,
-        /// As given.
         low: Percent,
-        /// As given.
         ok: Percent,
     },
+    /// A rescue that is neither a known keyword nor a script.
+    #[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
+    Rescue(String),
 }
 
 impl Limits {
     /// Checks the limits against each other.
-    ///
-    /// # Errors
-    /// If not critical < low < ok.
+    /// Fails if not critical < low < ok.
     pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..
@@ -148,20 +146,15 @@ pub enum Rescue {
     File(PathBuf),
 }
 
-/// A `rescue` value that is neither a known keyword nor a script.
-#[derive(Debug, thiserror::Error)]
-#[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
-pub struct UnknownRescue(String);
-
 impl TryFrom<String> for Rescue {
-    type Error = UnknownRescue;
+    type Error = LimitsError;
 
-    fn try_from(text: String) -> Result<Rescue, UnknownRescue> {
+    fn try_from(text: String) -> Result<Rescue, LimitsError> {
         match text.as_str() {
             "builtin" => Ok(Rescue::Builtin),
             "off" => Ok(Rescue::Off),
             file if file.ends_with(".lua") => Ok(Rescue::File(PathBuf::from(file))),
-            _ => Err(UnknownRescue(text)),
+            _ => Err(LimitsError::Rescue(text)),
         }
     }
 }
@@ -215,32 +208,18 @@ mod tests {
     }
 
     #[test]
-    fn levels_that_are_equal_are_refused() {
-        let usual = Limits::default();
-        for (critical, low, ok) in [(20, 20, 50), (8, 50, 50), (8, 20, 20)] {
+    fn levels_that_do_not_rise_are_refused() {
+        for (critical, low, ok) in [(20, 20, 50), (8, 50, 50), (8, 20, 20), (30, 20, 50)] {
             let limits = Limits {
                 critical: percent(critical),
                 low: percent(low),
                 ok: percent(ok),
-                ..usual.clone()
+                ..Limits::default()
             };
-            assert!(limits.check().is_err(), "{critical} {low} {ok}");
+            let error = limits.check().unwrap_err().to_string();
+            let expected = format!("critical ({critical} %) < low ({low} %) < ok ({ok} %)");
+            assert!(error.contains(&expected), "{error}");
         }
-    }
-
-    #[test]
-    fn levels_that_do_not_rise_are_refused() {
-        let limits = Limits {
-            critical: percent(30),
-            ..Limits::default()
-        };
-        assert!(
-            limits
-                .check()
-                .unwrap_err()
-                .to_string()
-                .contains("critical (30 %) < low (20 %)")
-        );
     }
 
     fn read(text: &str) -> Result<Rescue, serde_yaml::Error> {
@@ -253,6 +232,13 @@ mod tests {
         assert_eq!(read("off").unwrap(), Rescue::Off);
         let file = Rescue::File("mine/out.lua".into());
         assert_eq!(read("mine/out.lua").unwrap(), file);
+        for text in ["builtin", "off", "out.lua"] {
+            assert_eq!(
+                String::from(read(text).unwrap()),
+                text,
+                "written as it was read"
+            );
+        }
         let error = read("of").unwrap_err().to_string();
         assert!(error.contains("`of` is neither"), "{error}");
     }
@@ -263,12 +249,5 @@ mod tests {
         let rescue = &schema["properties"]["rescue"];
         assert_eq!(rescue["pattern"], r"^(builtin|off|.+\.lua)$");
         assert_eq!(rescue["type"], "string");
-    }
-
-    #[test]
-    fn a_setting_survives_a_round_trip() {
-        for text in ["builtin", "off", "out.lua"] {
-            assert_eq!(String::from(read(text).unwrap()), text);
-        }
     }
 }

@@ -18,7 +18,6 @@ pub enum AfterRecharge {
     Nothing,
     /// It is off its station and tries again after this time.
     Again(Duration),
-    /// A person is needed.
     Alarm,
 }
 
@@ -98,7 +97,6 @@ impl Recharge {
         self.trigger = level.and_then(|level| next_trigger(level, low));
     }
 
-    /// That docking has ended.
     pub fn ended(&mut self, end: DockEnd, now: Instant) -> AfterRecharge {
         self.docking = false;
         match end {

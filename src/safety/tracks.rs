@@ -81,7 +81,6 @@ impl Tracks {
         self.last_sent
     }
 
-    /// When it was sent.
     pub fn sent_at(&self) -> Instant {
         self.sent_at
     }

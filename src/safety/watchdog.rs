@@ -15,10 +15,9 @@ use tokio::time::Instant;
 
 use super::docking::{ActiveDocking, Caller};
 use super::{
-    ALARM, Act, AfterFailure, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging,
-    DockAction, DockLimits, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep,
-    HostLife, LastWords, Leases, Limits, LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Retry,
-    Tracks, WaitingMotion, capped,
+    ALARM, Act, AfterRecharge, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction,
+    DockState, DockTracker, Docking, Fact, Homing, HomingStep, HostLife, LastWords, Leases, Limits,
+    LowCause, MotorLoad, PowerGauge, Recharge, Rescue, Tracks, capped,
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
@@ -47,7 +46,6 @@ struct Leaving {
 pub struct DockReport {
     /// The behaviour that asked for it first; `None` for the watchdog's own docking.
     pub by: Option<BehaviourId>,
-    /// Its outcome.
     pub outcome: DockOutcome,
 }
 
@@ -91,10 +89,8 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
-    /// How a behaviour's docking backs off between attempts: at this power, percent ...
+    /// The power with which a behaviour's docking backs off between attempts, percent.
     const BACK_OFF_PERCENT: f64 = 30.0;
-    /// ... for this long.
-    const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
     /// The mean power of both tracks with which a robot is taken to search for its station.
     const SEARCH_EFFORT: f64 = 0.3;
     /// How long 0 % on the contacts may mean that the battery charges.
@@ -188,7 +184,7 @@ impl Watchdog {
         self.check_hosts(now);
         self.check_stream(now);
         let over = self.arbiter.expire(now);
-        self.tell_ended(over);
+        self.acts.extend(over);
         self.check_flat(now);
         self.check_place(now);
         self.check_power_silence(now);
@@ -202,9 +198,9 @@ impl Watchdog {
     }
 
     /// Notes whether a MOVE with a new setpoint waits for or in the robot's queue; it may also wait
-    /// here. Returns the timed setpoint that has begun to wait, or has begun after it
+    /// here. Tells of the timed setpoint that has begun to wait, or has begun after it
     /// waited.
-    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<WaitingMotion> {
+    pub fn note_setpoint_queued(&mut self, queued: bool, now: Instant) -> Option<Act> {
         let waits = queued || self.arbiter.setpoint() != self.tracks.last_sent();
         self.arbiter.set_waiting(waits, now)
     }
@@ -274,7 +270,6 @@ impl Watchdog {
         self.battery_monitor.low()
     }
 
-    /// Where the robot is.
     pub fn dock_state(&self) -> DockState {
         self.dock_tracker.dock_state()
     }
@@ -656,25 +651,19 @@ impl Watchdog {
 
     /// Begins a search of the watchdog's own or, on the station, the wait for charging.
     fn send_home(&mut self, now: Instant) {
-        let limits = self.own_dock_limits(0, Retry::Never);
+        let plan = self.own_dock_plan(0);
         if let Some(active) = self.docking.take()
             && let Some(homing) = &mut self.homing
         {
             homing.callers.extend(active.callers);
         }
         self.end_motion(MotionEnd::Safety);
-        self.start_docking(limits, true, vec![], now);
+        self.start_docking(plan, true, vec![], now);
     }
 
-    fn start_docking(
-        &mut self,
-        limits: DockLimits,
-        forced: bool,
-        callers: Vec<Caller>,
-        now: Instant,
-    ) {
+    fn start_docking(&mut self, plan: DockPlan, forced: bool, callers: Vec<Caller>, now: Instant) {
         self.end_motion(MotionEnd::Preempted);
-        let (docking, actions) = Docking::start(limits, self.docked(), now);
+        let (docking, actions) = Docking::start(plan, forced, self.docked(), now);
         let active = ActiveDocking {
             docking,
             forced,
@@ -689,15 +678,12 @@ impl Watchdog {
         self.execute_dock_actions(actions, now);
     }
 
-    /// The limits of a docking that no behaviour has asked for.
-    fn own_dock_limits(&self, retries: u32, retry: Retry) -> DockLimits {
-        DockLimits {
-            plan: DockPlan {
-                timeout: self.limits.dock_timeout.get(),
-                retries,
-                charge_timeout: self.limits.charge_timeout.get(),
-            },
-            retry,
+    /// The plan of a docking that no behaviour has asked for.
+    fn own_dock_plan(&self, retries: u32) -> DockPlan {
+        DockPlan {
+            timeout: self.limits.dock_timeout.get(),
+            retries,
+            charge_timeout: self.limits.charge_timeout.get(),
         }
     }
 
@@ -849,14 +835,14 @@ impl Watchdog {
         );
     }
 
-    fn begin(&mut self, next: AfterFailure) -> String {
+    fn begin(&mut self, next: HomingStep) -> String {
         match next {
-            AfterFailure::Search => "searches again".to_owned(),
-            AfterFailure::BlindMove(number) => {
+            HomingStep::Search => "searches again".to_owned(),
+            HomingStep::BlindMove(number) => {
                 format!("makes short blind move {number}, and searches from there")
             }
-            AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            AfterFailure::DriveGrant { by, time: seconds } => {
+            HomingStep::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
+            HomingStep::DriveGrant { by, time: seconds } => {
                 let power = self.limits.rescue_power;
                 self.acts
                     .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
@@ -881,15 +867,15 @@ impl Watchdog {
         };
         match homing.poll(may_drive, now) {
             None => {}
-            Some(HomingStep::BlindMove(number)) => {
+            Some(HomingStep::Search) => self.send_home(now),
+            Some(next) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(AfterFailure::BlindMove(number));
+                let next = self.begin(next);
                 self.announce(
                     SafetyAction::Dock,
                     format!("no behaviour has driven: {next}"),
                 );
             }
-            Some(HomingStep::Search) => self.send_home(now),
         }
     }
 
@@ -1075,7 +1061,7 @@ impl Watchdog {
                 self.recharge.forget();
             }
             DockState::Charging => {}
-            DockState::Left(_) | DockState::Unknown => {
+            DockState::Left | DockState::Unknown => {
                 if driven || !self.recharge.is_away() {
                     self.recharge.forget();
                 }
@@ -1089,18 +1075,17 @@ impl Watchdog {
     /// Docks again, from the station or off it. Nothing of it is forced: a behaviour that wants to
     /// drive ends it.
     fn dock_again(&mut self, now: Instant) {
-        let retry = Retry::Reverse(Watchdog::BACK_OFF_TIME);
-        let limits = self.own_dock_limits(DockPlan::default().retries, retry);
+        let plan = self.own_dock_plan(DockPlan::default().retries);
         let level = self.battery_monitor.level();
         self.recharge.begin(level, self.limits.low);
         if !self.docked() {
-            return self.start_docking(limits, false, vec![], now);
+            return self.start_docking(plan, false, vec![], now);
         }
         let at = level.map_or_else(String::new, |level| format!(", at {level}"));
         let reason = format!("its station does not charge{at}: leaves it and docks again");
         self.announce(SafetyAction::Dock, reason);
         self.end_motion(MotionEnd::Docked);
-        let (docking, actions) = Docking::leave(limits, now);
+        let (docking, actions) = Docking::leave(plan, now);
         let active = ActiveDocking {
             docking,
             forced: false,
@@ -1207,7 +1192,7 @@ impl Watchdog {
             } => self.move_asked(by, priority, motion, setpoint, duration, now),
             Intent::Release { motion } => {
                 let over = self.arbiter.release(by, motion);
-                self.tell_ended(over);
+                self.acts.extend(over);
             }
             Intent::Stop => self.stop_asked(by, priority, now),
             Intent::Dock { call, plan } => self.dock_asked(caller(call), plan, now),
@@ -1237,8 +1222,9 @@ impl Watchdog {
         let is_grantee = self.guarded && self.grantee() == Some(by);
         if let (Some(end), false) = (self.refusal(), is_grantee) {
             let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
-            self.tell_ended(earlier);
-            return self.tell_ended(vec![EndedMotion { by, motion, end }]);
+            self.acts.extend(earlier);
+            let event = Event::MotionEnded { motion, end };
+            return self.acts.push(Act::Tell(by, event));
         }
         let allowed = if is_grantee {
             capped(setpoint, self.limits.rescue_power)
@@ -1249,7 +1235,7 @@ impl Watchdog {
         let over = self
             .arbiter
             .claim(by, priority, motion, allowed, duration, now);
-        self.tell_ended(over);
+        self.acts.extend(over);
     }
 
     /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
@@ -1261,7 +1247,7 @@ impl Watchdog {
             None => {}
         }
         let over = self.arbiter.stop(by, priority);
-        self.tell_ended(over);
+        self.acts.extend(over);
         if self.docking.as_ref().is_some_and(|active| !active.forced) {
             self.cancel_docks(Some((by, priority)), now);
         }
@@ -1282,11 +1268,7 @@ impl Watchdog {
             charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
             ..plan
         };
-        let limits = DockLimits {
-            plan,
-            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
-        };
-        self.start_docking(limits, false, vec![caller], now);
+        self.start_docking(plan, false, vec![caller], now);
     }
 
     fn dock_refusal(&self, caller: Caller) -> Option<DockEnd> {
@@ -1329,8 +1311,7 @@ impl Watchdog {
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left =
-            matches!(self.dock_state(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
+        let left = matches!(self.dock_state(), DockState::Left) && !self.dock_tracker.is_leaving();
         let low = self.battery_monitor.low().is_some() || !self.battery_monitor.may_leave();
         if !self.online {
             Some(DockEnd::Disconnected)
@@ -1566,13 +1547,7 @@ impl Watchdog {
 
     fn end_motion(&mut self, end: MotionEnd) {
         let over = self.arbiter.clear(end);
-        self.tell_ended(over);
-    }
-
-    fn tell_ended(&mut self, over: Vec<EndedMotion>) {
-        let tell =
-            |EndedMotion { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
-        self.acts.extend(over.into_iter().map(tell));
+        self.acts.extend(over);
     }
 
     fn answer_dock(&mut self, Caller { by, call, .. }: Caller, outcome: DockOutcome) {

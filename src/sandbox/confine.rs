@@ -71,7 +71,9 @@ impl SandboxPolicy {
 
     /// Parses the process id of the expected parent and the policy. `None` if the arguments are
     /// invalid.
-    pub fn of_arguments(arguments: impl Iterator<Item = OsString>) -> Option<(u32, SandboxPolicy)> {
+    pub(super) fn of_arguments(
+        arguments: impl Iterator<Item = OsString>,
+    ) -> Option<(u32, SandboxPolicy)> {
         let mut arguments = arguments;
         let mut number = || arguments.next()?.to_str()?.parse::<u64>().ok();
         let parent = number()?;
@@ -167,7 +169,7 @@ pub fn keep_descriptors() {
 
 /// Permanently restricts this thread and everything it starts, so it must be called before a
 /// process starts a second thread. Fails if the kernel refuses a limit, or the parent has exited.
-pub fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restrictions> {
+pub(super) fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restrictions> {
     raise_oom_score();
     rustix::thread::set_no_new_privs(true)?;
     drop_capabilities()?;

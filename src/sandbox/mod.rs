@@ -7,5 +7,5 @@ mod confine;
 mod worker;
 
 pub use confine::command;
-pub use confine::{Landlock, Restrictions, SandboxPolicy, confine, keep_descriptors};
-pub use worker::{Reply, WORKER_ARGUMENT, Worker, WorkerError, answer};
+pub use confine::{Landlock, Restrictions, SandboxPolicy, keep_descriptors};
+pub use worker::{WORKER_ARGUMENT, Worker, WorkerError, answer, confined_main};

@@ -193,26 +193,34 @@ impl Process {
     }
 }
 
-pub type Reply = Vec<u8>;
-
 /// The main function of a worker process: confines itself, reads the question and sends the answer.
 /// `work` runs on a thread with a stack of `stack` bytes.
 pub fn answer(
     arguments: impl Iterator<Item = OsString>,
     stack: usize,
-    work: impl FnOnce(&[u8]) -> io::Result<Reply> + Send + 'static,
+    work: impl FnOnce(&[u8]) -> io::Result<Vec<u8>> + Send + 'static,
 ) -> ExitCode {
-    let answered = match SandboxPolicy::of_arguments(arguments) {
-        Some((parent, policy)) => confine(parent, &policy).and_then(|_| {
-            let thread = thread::Builder::new().name("work".into()).stack_size(stack);
-            let working = thread.spawn(move || serve(work))?;
-            working
-                .join()
-                .unwrap_or_else(|_| Err(io::Error::other("it panicked")))
-        }),
-        None => Err(ErrorKind::InvalidInput.into()),
-    };
-    match answered {
+    confined_main(arguments, "work", stack, move || serve(work))
+}
+
+/// The main function of a confined process: confines itself by its arguments, then does its work on
+/// a thread of this name with a stack of `stack` bytes.
+pub fn confined_main(
+    arguments: impl Iterator<Item = OsString>,
+    name: &str,
+    stack: usize,
+    work: impl FnOnce() -> io::Result<()> + Send + 'static,
+) -> ExitCode {
+    let thread = thread::Builder::new().name(name.into()).stack_size(stack);
+    let done = SandboxPolicy::of_arguments(arguments)
+        .ok_or_else(|| ErrorKind::InvalidInput.into())
+        .and_then(|(parent, policy)| confine(parent, &policy))
+        .and_then(|_| thread.spawn(work))
+        .and_then(|working| {
+            let panicked = || Err(io::Error::other("it panicked"));
+            working.join().unwrap_or_else(|_| panicked())
+        });
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("its process failed: {error}");
@@ -221,7 +229,7 @@ pub fn answer(
     }
 }
 
-fn serve(work: impl FnOnce(&[u8]) -> io::Result<Reply>) -> io::Result<()> {
+fn serve(work: impl FnOnce(&[u8]) -> io::Result<Vec<u8>>) -> io::Result<()> {
     let mut stream = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
     let mut question = Vec::new();
     (&mut stream)

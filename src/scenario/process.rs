@@ -14,7 +14,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::scenario_file::{Scenario, ScenarioFile, ScenarioFileError};
 use super::scenario_run::{Cause, Failure, RunSettings, ScenarioResult};
-use crate::behaviour::{STACK, read_source};
+use crate::behaviour::STACK;
 use crate::config::Config;
 use crate::sandbox::{self, SandboxPolicy, Worker, WorkerError};
 use crate::script;
@@ -64,30 +64,19 @@ impl ScenarioProcess {
     }
 
     pub fn read(&self, file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
-        let source = read_source(file).map_err(|source| ScenarioFileError::Read {
-            path: file.display().to_string(),
-            source,
-        })?;
-        let folder = file.parent().unwrap_or(Path::new(""));
-        self.scenario_file(file, Some(folder.to_owned()), source)
+        self.declared(ScenarioFile::read_undeclared(file)?)
     }
 
     /// Like [`ScenarioFile::of_text`], in a confined process.
     /// Fails with [`ScenarioFileError::Invalid`].
     pub fn of_text(&self, name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
-        self.scenario_file(Path::new(name), None, text.into())
+        self.declared(ScenarioFile::undeclared(Path::new(name), None, text.into()))
     }
 
-    fn scenario_file(
-        &self,
-        file: &Path,
-        folder: Option<PathBuf>,
-        source: Vec<u8>,
-    ) -> Result<ScenarioFile, ScenarioFileError> {
-        let scenario_file = ScenarioFile::undeclared(file, folder, source);
+    fn declared(&self, scenario_file: ScenarioFile) -> Result<ScenarioFile, ScenarioFileError> {
         let policy = sandbox_policy(&scenario_file, None, READING);
         let invalid = |why: &dyn std::fmt::Display| {
-            ScenarioFileError::Invalid(format!("{}: {why}", file.display()))
+            ScenarioFileError::Invalid(format!("{}: {why}", scenario_file.file().display()))
         };
         let request = pack(&request(&scenario_file, None)).map_err(|error| invalid(&error))?;
         let answer = self.worker.ask(&policy, &request, READING, &|| true);

@@ -67,29 +67,32 @@ pub enum ScenarioFileError {
 
 impl ScenarioFile {
     pub fn read(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
-        let source = read_source(file).map_err(|source| ScenarioFileError::Read {
-            path: file.display().to_string(),
-            source,
-        })?;
-        let folder = file.parent().unwrap_or(Path::new(""));
-        ScenarioFile::new(file, Some(folder.to_owned()), source)
+        ScenarioFile::read_undeclared(file)?.declared()
     }
 
     /// Creates a scenario file from a text that is not in a file, for example one built into the
     /// program. It can use no other files: no modules, and only built-in worlds.
     /// Fails with [`ScenarioFileError::Invalid`].
     pub fn of_text(name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
-        ScenarioFile::new(Path::new(name), None, text.into())
+        ScenarioFile::undeclared(Path::new(name), None, text.into()).declared()
     }
 
-    fn new(
-        file: &Path,
-        folder: Option<PathBuf>,
-        source: Vec<u8>,
-    ) -> Result<ScenarioFile, ScenarioFileError> {
-        let scenario_file = ScenarioFile::undeclared(file, folder, source);
-        let scenarios = scenario_file.read_declarations()?;
-        Ok(scenario_file.with_scenarios(scenarios))
+    fn declared(self) -> Result<ScenarioFile, ScenarioFileError> {
+        let scenarios = self.read_declarations()?;
+        Ok(self.with_scenarios(scenarios))
+    }
+
+    pub(super) fn read_undeclared(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
+        let source = read_source(file).map_err(|source| ScenarioFileError::Read {
+            path: file.display().to_string(),
+            source,
+        })?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        Ok(ScenarioFile::undeclared(
+            file,
+            Some(folder.to_owned()),
+            source,
+        ))
     }
 
     pub(super) fn undeclared(

@@ -1,7 +1,6 @@
 //! Runs one scenario: alternates on one thread between its script and the simulation with
 //! behaviours and robot.
 
-use std::future::pending;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
@@ -20,7 +19,7 @@ use super::run_record::RunRecord;
 use super::running_api::{RunningScenarioApi, ScenarioCommand};
 use super::scenario_file::{Scenario, ScenarioFile, load_world};
 use crate::agent::{AgentError, Outcome};
-use crate::clock::until;
+use crate::clock::{or_never, until};
 use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{Script, SourceLocation};
@@ -222,11 +221,12 @@ impl ScenarioRun<'_> {
                 yield_now().await;
                 continue;
             }
+            let outcome = self.agent.as_mut().map(|agent| agent.outcome.as_mut());
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Err(self.failure_reason("interrupted")),
                 () = sleep_until(limit) => return Err(self.limit_exceeded()),
-                outcome = outcome(&mut self.agent) => self.agent_ended(outcome)?,
+                outcome = or_never(outcome) => self.agent_ended(outcome)?,
                 () = until(script.next_deadline()) => {}
             }
         }
@@ -366,13 +366,6 @@ fn png(picture: &RgbImage) -> Vec<u8> {
         tracing::error!("cannot draw the robot's path: {error}");
     }
     png.into_inner()
-}
-
-async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
-    match agent {
-        Some(agent) => agent.outcome.as_mut().await,
-        None => pending().await,
-    }
 }
 
 /// Rewrites errors that the VM raises without a place.

@@ -15,9 +15,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 use self::executor::Executor;
-use crate::agent::{
-    Agent, AgentError, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected,
-};
+use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome, Plan};
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
@@ -99,15 +97,10 @@ pub struct Service {
 impl Service {
     /// A service in a simulation: it has no manager, nobody reloads its config, and its first
     /// connection is repeated until it succeeds.
-    pub fn in_simulation(
-        mut plan: Plan,
-        service_plan: ServicePlan,
-        record: RecordFile,
-        seed: u64,
-    ) -> Service {
+    pub fn in_simulation(mut plan: Plan, service_plan: ServicePlan, record: RecordFile) -> Service {
         plan.stays = true;
         plan.specs = service_plan.specs.clone();
-        plan.connector = retry_until_connected(plan.connector, seed, ConnectAttempts::default());
+        plan.settings.waits = true;
         let bus = plan.bus.clone();
         let (agent, status) = Agent::new(plan);
         let (_, reloads) = mpsc::channel(1);

@@ -251,6 +251,7 @@ fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour>) -> Plan 
             simulated: true,
             seed: options.seed,
             link: link::Options::default(),
+            waits: false,
             streams: options.streams,
         },
         connector: connector(sim, options.sim.login.clone()),

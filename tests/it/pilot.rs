@@ -50,6 +50,7 @@ impl TestPilot {
             simulated: true,
             seed: 1,
             link: link::Options::default(),
+            waits: false,
             streams: Default::default(),
         };
         let (pilot, _, status) = Pilot::new(&settings);

@@ -8,12 +8,12 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal};
 use spykee::agent::{Agent, Behaviour, Plan};
 use spykee::behaviour::{
-    Handle, Launch, Launcher, Library, Prepared, Reload, RestartPolicy, Supervisor,
+    Handle, HostContext, Launch, Launcher, Library, Prepared, RestartPolicy, Supervisor,
 };
 use spykee::link;
 use spykee::pilot::Settings;
 use spykee::robot::channel::Role;
-use spykee::robot::{BehaviourId, EndReason, Pictures, Priority};
+use spykee::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use spykee::script;
 use spykee::wire::{Command, EngineReport, Led, Login, Report, Sound};
 use tokio::sync::{mpsc, watch};
@@ -235,8 +235,18 @@ async fn with_watch_saving_a_module_reloads_its_script() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
-    let core = tokio::runtime::Handle::current();
-    let launcher = Launcher::new(env!("CARGO_BIN_EXE_spykee").into());
+    // A pilot that keeps the requests unread: the behaviour has joined, but is not welcome yet.
+    let (requests, _pilot) = mpsc::channel(100);
+    let (_camera, frames) = watch::channel(Pictures::default());
+    let context = HostContext {
+        launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
+        core: tokio::runtime::Handle::current(),
+        requests,
+        frames,
+        longest_silence: WAIT_LIMIT,
+        viewers: ViewerChannel::default(),
+        bus: Bus::default(),
+    };
     let launch = Launch {
         source: b"task.wait(600)".to_vec(),
         options: script::Options::new("script", "script.lua"),
@@ -244,15 +254,12 @@ async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
     };
     let by = BehaviourId(0);
     let priority = Priority(0);
-    let host = Prepared::start(&launcher, &core, by, priority, launch).await;
-    // A pilot that keeps the requests unread: the behaviour has joined, but is not welcome yet.
-    let (requests, _pilot) = mpsc::channel(100);
-    let (_camera, frames) = watch::channel(Pictures::default());
+    let host = Prepared::start(&context, by, priority, launch).await;
     let role = Role::Behaviour;
-    let supervisor = Supervisor::register(host.unwrap(), role, requests, frames).await;
+    let supervisor = Supervisor::register(host.unwrap(), role, context, None).await;
     let handle = Handle::default();
     handle.stop(EndReason::Cancelled);
-    let ended = timeout(WAIT_LIMIT, supervisor.run(handle, &core)).await;
+    let ended = timeout(WAIT_LIMIT, supervisor.run(handle)).await;
     let exit = ended.expect("the stop was lost");
     assert_eq!(exit.reason, EndReason::Cancelled, "{exit:?}");
 }
@@ -292,7 +299,7 @@ fn agent_that_is_told_to_reload() {
     std::thread::spawn(move || {
         for line in std::io::stdin().lock().lines().map_while(Result::ok) {
             let source = line.into_bytes();
-            if reloads.blocking_send(Reload { source }).is_err() {
+            if reloads.blocking_send(source).is_err() {
                 return;
             }
         }
@@ -326,6 +333,7 @@ fn agent_that_is_told_to_reload() {
                 simulated: true,
                 seed: 1,
                 link,
+                waits: false,
                 streams: Default::default(),
             },
             connector: Box::new(move |words| {

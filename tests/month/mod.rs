@@ -317,7 +317,7 @@ impl ServiceFixture {
         let mut plan = simulation.plan(Vec::new());
         plan.bus = bus;
         let record = RecordFile::open_in_simulation(data);
-        let service = Service::in_simulation(plan, service_plan, record, seed);
+        let service = Service::in_simulation(plan, service_plan, record);
         let stop = CancellationToken::new();
         let service = tokio::task::spawn_local(service.run(stop.clone()));
         ServiceFixture {

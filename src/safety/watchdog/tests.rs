@@ -30,10 +30,7 @@ impl Rig {
     /// Logged in off the station, with this level.
     fn online(percent: u8) -> Rig {
         let mut rig = Rig::with(Limits::default());
-        rig.handle(Fact::LinkUp {
-            docked: false,
-            power: power(percent),
-        });
+        rig.handle(login(false, power(percent)));
         rig.now += 20 * MS;
         rig
     }
@@ -59,10 +56,7 @@ impl Rig {
     /// Logged in on the station, with this level.
     fn docked(power: Power) -> Rig {
         let mut rig = Rig::with(Limits::default());
-        rig.handle(Fact::LinkUp {
-            docked: true,
-            power,
-        });
+        rig.handle(login(true, power));
         rig.now += SECOND;
         rig
     }
@@ -136,6 +130,10 @@ impl Rig {
     }
 }
 
+fn login(docked: bool, power: Power) -> Fact {
+    Fact::LinkUp { docked, power }
+}
+
 fn power(percent: u8) -> Power {
     Power {
         percent,
@@ -194,10 +192,7 @@ const LEAVE: Command = Command::Engine(Engage::Undock);
 /// A low battery, and the station was not found in the first four searches: the alarm.
 fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = Rig::with(limits);
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(percent),
-    });
+    rig.handle(login(false, power(percent)));
     for _ in 0..3 {
         rig.pass(SECOND, false);
         rig.handle(Fact::Engine(EngineReport::BaseNotFound));
@@ -212,10 +207,7 @@ fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
 /// A robot that has just begun to search, with a low battery and without a rescue behaviour.
 fn searching(percent: u8, limits: Limits) -> Rig {
     let mut rig = Rig::with(limits);
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(percent),
-    });
+    rig.handle(login(false, power(percent)));
     rig.now += SECOND;
     rig
 }

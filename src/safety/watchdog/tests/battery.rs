@@ -2,8 +2,6 @@
 //! how a robot with a low battery reacts.
 
 use super::*;
-use crate::robot::DockPlan;
-use crate::safety::Source;
 use crate::wire::{Led, Sound};
 
 #[test]
@@ -19,21 +17,11 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
 }
 
 #[test]
-fn a_low_report_at_rest_still_sends_stop_before_base_find() {
-    let mut rig = Rig::online(60);
-    assert_eq!(
-        sent(&rig.handle(Fact::Power(power(10)))),
-        [Command::STOP, FIND]
-    );
-}
-
-#[test]
-fn a_low_level_at_login_is_enough() {
+fn a_low_level_at_rest_or_at_login_is_enough() {
+    let acts = Rig::online(60).handle(Fact::Power(power(10)));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
     let mut rig = Rig::with(Limits::default());
-    let acts = rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(15),
-    });
+    let acts = rig.handle(login(false, power(15)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
@@ -118,10 +106,7 @@ fn contact_confirms_charging_before_and_after_the_report() {
 #[test]
 fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     rig.pass(500 * MS, false);
     assert!(rig.dog.moving());
@@ -134,10 +119,7 @@ fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
     );
 
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     rig.handle(Fact::Power(charging(60)));
     let acts = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
@@ -172,42 +154,21 @@ fn a_search_without_end_is_cancelled_after_180_seconds() {
 }
 
 #[test]
-fn critical_refuses_motion_and_undocking_even_while_charging() {
-    let mut rig = Rig::with(Limits::default());
-    rig.handle(Fact::LinkUp {
-        docked: true,
-        power: charging(8),
-    });
+fn critical_refuses_motion_even_while_charging() {
+    let mut rig = Rig::docked(charging(8));
     assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
-    let acts = rig.ask(Intent::Undock {
-        call: CallId(1),
-        timeout: SECOND,
-    });
-    assert_eq!(sent(&acts), []);
-    assert_eq!(
-        events(&acts),
-        [Event::UndockEnded {
-            call: CallId(1),
-            end: DockEnd::Safety
-        }]
-    );
 }
 
 #[test]
-fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
-    let mut rig = Rig::with(Limits::default());
-    rig.handle(Fact::LinkUp {
-        docked: true,
-        power: charging(20),
-    });
-    let acts = rig.ask(Intent::Undock {
-        call: CallId(1),
-        timeout: SECOND,
-    });
-    assert_eq!(sent(&acts), []);
-    let end = DockEnd::Safety;
-    let call = CallId(1);
-    assert_eq!(events(&acts), [Event::UndockEnded { call, end }]);
+fn a_critical_or_low_robot_and_one_held_by_hysteresis_stays_on_its_station_though_it_charges() {
+    let mut held = Rig::online(20);
+    held.handle(Fact::Engine(EngineReport::Docked));
+    held.handle(Fact::Power(power(30)));
+    for mut rig in [Rig::docked(charging(8)), Rig::docked(charging(20)), held] {
+        let acts = rig.undock(1);
+        let expected = (vec![], Some(DockEnd::Safety));
+        assert_eq!((sent(&acts), undock_ended(&acts)), expected);
+    }
 }
 
 #[test]
@@ -222,11 +183,8 @@ fn a_good_level_does_not_interrupt_motion() {
 fn a_critical_level_is_announced_once() {
     let mut rig = Rig::online(60);
     let announced = |acts: Vec<Act>| {
-        let mut reasons = acts.into_iter().filter_map(|act| match act {
-            Act::Announce(Event::Safety { reason, .. }) => Some(reason),
-            _ => None,
-        });
-        reasons.any(|reason| reason.contains("motion is refused except on the way home"))
+        let text = "motion is refused except on the way home";
+        reasons(&acts).iter().any(|reason| reason.contains(text))
     };
     assert!(!announced(rig.handle(Fact::Power(power(9)))));
     assert!(announced(rig.handle(Fact::Power(power(8)))));
@@ -242,11 +200,7 @@ fn ten_minutes_without_a_level_off_the_station_count_as_low() {
 
 #[test]
 fn on_the_station_missing_levels_do_not_count_as_low() {
-    let mut rig = Rig::with(Limits::default());
-    rig.handle(Fact::LinkUp {
-        docked: true,
-        power: charging(80),
-    });
+    let mut rig = Rig::docked(charging(80));
     assert_eq!(sent(&rig.pass(4000 * SECOND, false)), []);
 }
 
@@ -255,15 +209,9 @@ fn each_situation_has_its_state() {
     use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.state(), Offline);
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(60),
-    });
+    rig.handle(login(false, power(60)));
     assert_eq!(rig.dog.state(), Free);
-    rig.ask(Intent::Dock {
-        call: CallId(1),
-        plan: DockPlan::default(),
-    });
+    rig.dock(1);
     assert_eq!(rig.dog.state(), Docking);
     rig.handle(Fact::Power(power(10)));
     assert_eq!(rig.dog.state(), LowGoingHome);
@@ -339,7 +287,7 @@ fn the_end_of_charging_while_backing_out_does_not_allow_motion_yet() {
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
     rig.handle(Fact::Power(power(80)));
-    assert_eq!(rig.dog.dock_state(), DockState::Left(Source::Power));
+    assert_eq!(rig.dog.dock_state(), DockState::Left);
     assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
@@ -353,7 +301,7 @@ fn charging_reported_just_after_a_requested_undocking_is_ignored_as_outdated() {
     rig.handle(Fact::Engine(EngineReport::Undocked));
     rig.pass(4 * SECOND, false);
     rig.handle(Fact::Power(charging(80)));
-    assert_eq!(rig.dog.dock_state(), DockState::Left(Source::Engine));
+    assert_eq!(rig.dog.dock_state(), DockState::Left);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     rig.pass(6 * SECOND, true);
     rig.handle(Fact::Power(charging(80)));
@@ -397,10 +345,7 @@ fn repeated_reconnects_do_not_renew_that_belief() {
     for _ in 0..4 {
         acts.extend(rig.pass(10 * SECOND, false));
         rig.handle(Fact::LinkDown);
-        acts.extend(rig.handle(Fact::LinkUp {
-            docked: true,
-            power: power(10),
-        }));
+        acts.extend(rig.handle(login(true, power(10))));
     }
     assert!(count(&acts, &FIND) >= 1, "{acts:?}");
 }
@@ -424,14 +369,6 @@ fn a_low_robot_that_slides_off_its_station_searches_at_once() {
     rig.handle(Fact::Engine(EngineReport::Docked));
     let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-}
-
-#[test]
-fn a_robot_whose_charge_is_held_by_hysteresis_is_not_undocked() {
-    let mut rig = Rig::online(20);
-    rig.handle(Fact::Engine(EngineReport::Docked));
-    rig.handle(Fact::Power(power(30)));
-    assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
 }
 
 #[test]
@@ -528,10 +465,7 @@ fn a_docking_is_done_when_a_robot_on_its_contacts_tells_no_level() {
 fn off_its_station_a_robot_that_tells_no_level_drives_and_goes_home_after_ten_minutes() {
     let beyond = BEYOND[2];
     let mut rig = Rig::with(Limits::default());
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: beyond,
-    });
+    rig.handle(login(false, beyond));
     rig.now += 20 * MS;
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     for _ in 0..9 {

@@ -8,20 +8,14 @@ use crate::robot::{DockPlan, MotionId};
 fn a_behaviour_docks_and_docked_means_charging() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    let acts = rig.dock(7);
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(rig.handle(Fact::Engine(EngineReport::Docked)), []);
     assert_eq!(
         dock_ended(&rig.handle(Fact::Power(charging(60)))),
         Some((DockEnd::Done, 1))
     );
-    let again = rig.ask(Intent::Dock {
-        call: CallId(8),
-        plan: DockPlan::default(),
-    });
+    let again = rig.dock(8);
     assert_eq!(
         (sent(&again), dock_ended(&again)),
         (vec![], Some((DockEnd::AlreadyDocked, 0)))
@@ -54,10 +48,7 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
 #[test]
 fn a_low_battery_takes_over_a_docking_and_its_caller_is_answered() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     assert_eq!(
         sent(&rig.handle(Fact::Power(power(20)))),
         [Command::STOP, FIND]
@@ -72,10 +63,7 @@ fn a_low_battery_takes_over_a_docking_and_its_caller_is_answered() {
 #[test]
 fn a_docking_that_was_taken_over_is_returned_at_the_ok_level() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     rig.handle(Fact::Power(power(20)));
     for _ in 0..3 {
         assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
@@ -95,48 +83,21 @@ fn no_behaviour_can_end_the_watchdogs_own_docking() {
 }
 
 #[test]
-fn cancelling_a_docking_answers_its_caller() {
-    let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
-    let acts = rig.ask(Intent::CancelDock);
-    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
-    assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 1)));
-}
-
-#[test]
 fn undocking_waits_for_the_robots_confirmation() {
-    let mut rig = Rig::with(Limits::default());
-    rig.handle(Fact::LinkUp {
-        docked: true,
-        power: charging(80),
-    });
-    rig.now += SECOND;
-    let acts = rig.ask(Intent::Undock {
-        call: CallId(1),
-        timeout: 20 * SECOND,
-    });
+    let mut rig = Rig::docked(charging(80));
+    let acts = rig.undock(1);
     assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
     let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
-    assert_eq!(
-        events(&acts),
-        [Event::UndockEnded {
-            call: CallId(1),
-            end: DockEnd::Done
-        }]
-    );
+    let call = CallId(1);
+    let end = DockEnd::Done;
+    assert_eq!(events(&acts), [Event::UndockEnded { call, end }]);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
 }
 
 #[test]
 fn a_docking_ends_only_with_its_own_caller() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     assert_eq!(rig.handle(Fact::Gone(BehaviourId(1))), []);
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.handle(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
@@ -146,15 +107,8 @@ fn a_docking_ends_only_with_its_own_caller() {
 #[test]
 fn only_its_caller_is_told_how_an_undocking_ends() {
     for (gone, told_at_the_end) in [(BehaviourId(1), 1), (WHO, 0)] {
-        let mut rig = Rig::with(Limits::default());
-        rig.handle(Fact::LinkUp {
-            docked: true,
-            power: charging(80),
-        });
-        rig.ask(Intent::Undock {
-            call: CallId(1),
-            timeout: 20 * SECOND,
-        });
+        let mut rig = Rig::docked(charging(80));
+        rig.undock(1);
         rig.handle(Fact::Gone(gone));
         let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
         assert_eq!(events(&acts).len(), told_at_the_end);
@@ -166,14 +120,7 @@ fn the_remaining_caller_of_a_low_robots_docking_is_answered() {
     let mut rig = Rig::online(60);
     rig.dock(7);
     let other = BehaviourId(1);
-    rig.ask_as(
-        other,
-        0,
-        Intent::Dock {
-            call: CallId(8),
-            plan: DockPlan::default(),
-        },
-    );
+    rig.ask_as(other, 0, dock(8));
     rig.handle(Fact::Power(power(20)));
     rig.handle(Fact::Gone(WHO));
     rig.handle(Fact::Engine(EngineReport::Docked));
@@ -208,11 +155,20 @@ fn a_robot_off_its_station_is_not_undocked() {
 }
 
 const HIGH: BehaviourId = BehaviourId(1);
-const PLAN: DockPlan = DockPlan {
-    timeout: Duration::from_secs(180),
-    retries: 2,
-    charge_timeout: Duration::from_secs(30),
-};
+
+fn dock(call: u64) -> Intent {
+    Intent::Dock {
+        call: CallId(call),
+        plan: DockPlan::default(),
+    }
+}
+
+fn undock(call: u64) -> Intent {
+    Intent::Undock {
+        call: CallId(call),
+        timeout: 20 * SECOND,
+    }
+}
 
 fn drive(motion: u64) -> Intent {
     Intent::Move {
@@ -271,14 +227,7 @@ fn a_docking_is_cancelled_only_by_its_caller_and_by_equal_or_higher_priorities()
             (HIGH, 4, false),
         ] {
             let mut rig = Rig::online(60);
-            rig.ask_as(
-                WHO,
-                5,
-                Intent::Dock {
-                    call: CallId(1),
-                    plan: PLAN,
-                },
-            );
+            rig.ask_as(WHO, 5, dock(1));
             let acts = rig.ask_as(by, priority, give_up.clone());
             let expected = ends.then_some((DockEnd::Cancelled, 1));
             assert_eq!(dock_ended(&acts), expected, "{give_up:?} of {priority}");
@@ -290,22 +239,8 @@ fn a_docking_is_cancelled_only_by_its_caller_and_by_equal_or_higher_priorities()
 #[test]
 fn of_two_callers_the_higher_keeps_the_docking() {
     let mut rig = Rig::online(60);
-    rig.ask_as(
-        WHO,
-        0,
-        Intent::Dock {
-            call: CallId(1),
-            plan: PLAN,
-        },
-    );
-    rig.ask_as(
-        HIGH,
-        10,
-        Intent::Dock {
-            call: CallId(2),
-            plan: PLAN,
-        },
-    );
+    rig.ask_as(WHO, 0, dock(1));
+    rig.ask_as(HIGH, 10, dock(2));
     let acts = rig.ask_as(WHO, 0, Intent::CancelDock);
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
@@ -316,10 +251,6 @@ fn of_two_callers_the_higher_keeps_the_docking() {
 
 #[test]
 fn an_undocking_gives_way_only_to_a_higher_one() {
-    let undock = |call| Intent::Undock {
-        call: CallId(call),
-        timeout: 20 * SECOND,
-    };
     let mut rig = Rig::docked(charging(80));
     rig.ask_as(WHO, 5, undock(1));
     let acts = rig.ask_as(HIGH, 4, undock(2));
@@ -333,23 +264,9 @@ fn an_undocking_gives_way_only_to_a_higher_one() {
 #[test]
 fn a_docking_that_waits_for_charging_is_not_undocked_by_a_lower_priority() {
     let mut rig = Rig::docked(power(80));
-    rig.ask_as(
-        HIGH,
-        10,
-        Intent::Dock {
-            call: CallId(1),
-            plan: PLAN,
-        },
-    );
+    rig.ask_as(HIGH, 10, dock(1));
     assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Preempted));
-    let acts = rig.ask_as(
-        WHO,
-        10,
-        Intent::Undock {
-            call: CallId(2),
-            timeout: 20 * SECOND,
-        },
-    );
+    let acts = rig.ask_as(WHO, 10, undock(2));
     assert_eq!(sent(&acts), [LEAVE], "as high");
 }
 

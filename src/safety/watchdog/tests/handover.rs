@@ -1,96 +1,65 @@
 //! The tracks pass from one behaviour to another without a gap or a jump: examples with numbers.
 
-use std::time::Duration;
-
 use proptest::prelude::*;
-use tokio::time::Instant;
 
 use super::*;
 use crate::robot::{EndReason, MotionId, Priority};
 
-const MS: Duration = Duration::from_millis(1);
 const PATROL: BehaviourId = BehaviourId(0);
 const AVOID: BehaviourId = BehaviourId(1);
 
-fn priority(by: BehaviourId) -> Priority {
-    match by {
+fn asked(by: BehaviourId, intent: Intent) -> Fact {
+    let priority = match by {
         AVOID => Priority(10),
         BehaviourId(other) => Priority(i16::from(other > 2)),
+    };
+    Fact::Asked {
+        by,
+        priority,
+        intent,
     }
 }
 
-/// A watchdog online, and a clock that only moves when told.
-struct Rig {
-    dog: Watchdog,
-    now: Instant,
-    motions: u64,
+fn claim(by: BehaviourId, motion: u64, percent: f64, duration: Option<Duration>) -> Fact {
+    let setpoint = Setpoint::from_percent(percent, percent).unwrap();
+    let intent = Intent::Move {
+        motion: MotionId(motion),
+        setpoint,
+        duration,
+    };
+    asked(by, intent)
 }
 
-impl Rig {
-    fn new() -> Rig {
-        let now = Instant::now();
-        let mut dog = Watchdog::new(Limits::default(), now);
-        let power = Power {
-            percent: 90,
-            charging: false,
-        };
-        dog.handle(
-            Fact::LinkUp {
-                docked: false,
-                power,
-            },
-            now,
-        );
-        let now = now + 100 * MS;
-        let motions = 0;
-        Rig { dog, now, motions }
-    }
+fn release(by: BehaviourId, motion: u64) -> Fact {
+    let motion = MotionId(motion);
+    asked(by, Intent::Release { motion })
+}
 
-    fn fact(&mut self, by: BehaviourId, intent: Intent) -> Fact {
-        let priority = priority(by);
-        Fact::Asked {
-            by,
-            priority,
-            intent,
+/// The patrol drives at 40 %, then avoiding drives at this.
+fn taken_over(percent: f64) -> (Rig, Vec<Act>) {
+    let mut rig = Rig::online(90);
+    let mut acts = rig.handle(claim(PATROL, 1, 40.0, None));
+    rig.now += 100 * MS;
+    acts.extend(rig.handle(claim(AVOID, 2, percent, None)));
+    (rig, acts)
+}
+
+/// Lets time pass as the pilot does; these hosts show life.
+fn pass(rig: &mut Rig, span: Duration, alive: &[BehaviourId]) -> Vec<Act> {
+    let end = rig.now + span;
+    let mut acts = Vec::new();
+    while rig.now < end {
+        let due = rig.dog.next_deadline().unwrap_or(end).max(rig.now);
+        rig.now = due.min(rig.now + 50 * MS).min(end);
+        for &by in alive {
+            rig.dog.apply(Fact::Alive(by), rig.now);
+        }
+        acts.extend(rig.dog.poll(rig.now));
+        if due == rig.now {
+            rig.now += MS;
         }
     }
-
-    fn claim(&mut self, by: BehaviourId, percent: f64, duration: Option<Duration>) -> Fact {
-        self.motions += 1;
-        let intent = Intent::Move {
-            motion: MotionId(self.motions),
-            setpoint: Setpoint::from_percent(percent, percent).unwrap(),
-            duration,
-        };
-        self.fact(by, intent)
-    }
-
-    fn handle(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.handle(fact, self.now)
-    }
-
-    fn drive(&mut self, by: BehaviourId, percent: f64) -> Vec<Act> {
-        let claim = self.claim(by, percent, None);
-        self.handle(claim)
-    }
-
-    /// Lets time pass as the pilot does; these hosts show life.
-    fn pass(&mut self, span: Duration, alive: &[BehaviourId]) -> Vec<Act> {
-        let end = self.now + span;
-        let mut acts = Vec::new();
-        while self.now < end {
-            let due = self.dog.next_deadline().unwrap_or(end).max(self.now);
-            self.now = due.min(self.now + 50 * MS).min(end);
-            for &by in alive {
-                self.dog.apply(Fact::Alive(by), self.now);
-            }
-            acts.extend(self.dog.poll(self.now));
-            if due == self.now {
-                self.now += MS;
-            }
-        }
-        acts
-    }
+    acts
 }
 
 /// The MOVEs, without repetitions.
@@ -106,71 +75,49 @@ fn moves(acts: &[Act]) -> Vec<i8> {
 
 #[test]
 fn releasing_and_retaking_the_tracks_at_once_never_lets_the_lower_drive() {
-    let mut rig = Rig::new();
-    rig.drive(PATROL, 40.0);
+    let (mut rig, acts) = taken_over(-50.0);
+    assert_eq!(moves(&acts), [36, -45]);
     rig.now += 100 * MS;
-    let acts = rig.drive(AVOID, -50.0);
-    assert_eq!(moves(&acts), [-45]);
-    rig.now += 100 * MS;
-    let release = rig.fact(
-        AVOID,
-        Intent::Release {
-            motion: MotionId(2),
-        },
-    );
-    rig.dog.apply(release, rig.now);
-    let again = rig.claim(AVOID, -20.0, None);
-    let acts = rig.handle(again);
+    rig.dog.apply(release(AVOID, 2), rig.now);
+    let acts = rig.handle(claim(AVOID, 3, -20.0, None));
     assert_eq!(moves(&acts), [-18]);
-    assert_eq!(moves(&rig.pass(150 * MS, &[PATROL, AVOID])), [] as [i8; 0]);
+    assert!(moves(&pass(&mut rig, 150 * MS, &[PATROL, AVOID])).is_empty());
 }
 
 #[test]
 fn a_silent_host_that_stands_by_is_ended_and_the_one_that_drives_is_not_disturbed() {
-    let mut rig = Rig::new();
-    let mut acts = rig.drive(PATROL, 40.0);
-    rig.now += 100 * MS;
-    acts.extend(rig.drive(AVOID, -50.0));
-    acts.extend(rig.pass(3000 * MS, &[AVOID]));
+    let (mut rig, mut acts) = taken_over(-50.0);
+    acts.extend(pass(&mut rig, 3000 * MS, &[AVOID]));
     assert_eq!(moves(&acts), [36, -45]);
     assert!(acts.contains(&Act::Kill(PATROL, EndReason::Cpu)));
 }
 
 #[test]
 fn a_silent_driver_is_stopped_before_the_lower_takes_over() {
-    let mut rig = Rig::new();
-    let mut acts = rig.drive(PATROL, 40.0);
-    rig.now += 100 * MS;
-    acts.extend(rig.drive(AVOID, -50.0));
-    acts.extend(rig.pass(3000 * MS, &[PATROL]));
+    let (mut rig, mut acts) = taken_over(-50.0);
+    acts.extend(pass(&mut rig, 3000 * MS, &[PATROL]));
     assert_eq!(moves(&acts), [36, -45, 0, 36]);
     assert!(acts.contains(&Act::Kill(AVOID, EndReason::Cpu)));
 }
 
 #[test]
 fn a_silent_host_that_stands_by_does_not_get_the_tracks() {
-    let mut rig = Rig::new();
-    rig.drive(PATROL, 40.0);
-    rig.now += 100 * MS;
-    rig.drive(AVOID, -50.0);
-    rig.pass(300 * MS, &[AVOID]);
-    let release = rig.fact(
-        AVOID,
-        Intent::Release {
-            motion: MotionId(2),
-        },
+    let (mut rig, _) = taken_over(-50.0);
+    pass(&mut rig, 300 * MS, &[AVOID]);
+    assert_eq!(moves(&rig.handle(release(AVOID, 2))), [0]);
+    let acts = rig.handle(claim(PATROL, 3, 30.0, None));
+    assert!(moves(&acts).is_empty(), "too soon");
+    assert_eq!(
+        moves(&pass(&mut rig, 50 * MS, &[PATROL])),
+        [27],
+        "alive again"
     );
-    assert_eq!(moves(&rig.handle(release)), [0]);
-    assert_eq!(moves(&rig.drive(PATROL, 30.0)), [] as [i8; 0], "too soon");
-    assert_eq!(moves(&rig.pass(50 * MS, &[PATROL])), [27], "alive again");
 }
 
 #[test]
 fn a_handover_to_the_same_setpoint_sends_nothing() {
-    let mut rig = Rig::new();
-    rig.drive(PATROL, 40.0);
-    rig.now += 100 * MS;
-    assert_eq!(rig.drive(AVOID, 40.0), []);
+    let (mut rig, acts) = taken_over(40.0);
+    assert_eq!(sent(&acts).len(), 1);
     assert_eq!(rig.handle(Fact::Gone(AVOID)), []);
 }
 
@@ -198,19 +145,17 @@ proptest! {
     fn the_robot_is_sent_the_drivers_setpoint_and_a_stop_only_without_a_driver(
         steps in prop::collection::vec(step(), 1..60),
     ) {
-        let mut rig = Rig::new();
+        let mut rig = Rig::online(90);
+        let mut motions = 0;
         let behaviours = [0, 1, 2, 3].map(BehaviourId);
         for step in steps {
             let acts = match step {
                 Step::Claim(by, power, ms) => {
                     let duration = ms.map(Duration::from_millis);
-                    let claim = rig.claim(BehaviourId(by), f64::from(power) * 25.0, duration);
-                    rig.handle(claim)
+                    motions += 1;
+                    rig.handle(claim(BehaviourId(by), motions, f64::from(power) * 25.0, duration))
                 }
-                Step::Release(by, motion) => {
-                    let release = rig.fact(BehaviourId(by), Intent::Release { motion: MotionId(motion) });
-                    rig.handle(release)
-                }
+                Step::Release(by, motion) => rig.handle(release(BehaviourId(by), motion)),
                 Step::Gone(by) => rig.handle(Fact::Gone(BehaviourId(by))),
                 Step::Pass(ms) => {
                     let end = rig.now + Duration::from_millis(ms);
@@ -228,7 +173,7 @@ proptest! {
             prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}: {:?}", step, acts);
         }
         // Long enough for the accumulated spacing between MOVE messages.
-        rig.pass(2000 * MS, &behaviours);
+        pass(&mut rig, 2000 * MS, &behaviours);
         prop_assert_eq!(rig.dog.moving(), !rig.dog.arbiter.setpoint().is_stop());
     }
 }

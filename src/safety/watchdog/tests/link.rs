@@ -19,26 +19,21 @@ fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
     assert_eq!(count(&acts, &FIND), 0);
 }
 
+/// Whether both come, and the stop first.
+fn stops_before(acts: &[Act], next: impl Fn(&Act) -> bool) -> bool {
+    let stop = acts.iter().position(|act| *act == Act::Send(Command::STOP));
+    let next = acts.iter().position(next);
+    stop.unwrap() < next.unwrap()
+}
+
 #[test]
 fn a_silent_stream_while_moving_stops_and_reconnects() {
     let mut rig = Rig::online(60);
     rig.handle(Fact::Streaming(true));
     rig.drive(1, None);
-    assert!(
-        !rig.pass(2900 * MS, true)
-            .iter()
-            .any(|act| matches!(act, Act::Reconnect(_)))
-    );
+    assert!(!reconnects(&rig.pass(2900 * MS, true)));
     let acts = rig.pass(200 * MS, true);
-    let stop = acts
-        .iter()
-        .position(|act| *act == Act::Send(Command::STOP))
-        .unwrap();
-    let close = acts
-        .iter()
-        .position(|act| matches!(act, Act::Reconnect(_)))
-        .unwrap();
-    assert!(stop < close, "{acts:?}");
+    assert!(stops_before(&acts, |act| matches!(act, Act::Reconnect(_))));
     assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
 }
 
@@ -72,31 +67,16 @@ fn a_robot_that_sends_data_keeps_driving() {
 fn a_silent_robot_without_a_stream_is_normal() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    assert!(
-        !rig.pass(60 * SECOND, true)
-            .iter()
-            .any(|act| matches!(act, Act::Reconnect(_)))
-    );
+    assert!(!reconnects(&rig.pass(60 * SECOND, true)));
 }
 
 #[test]
-fn a_search_interrupted_by_a_lost_link_is_ended_after_the_reconnect() {
+fn a_search_is_ended_after_a_reconnect_also_if_the_link_may_have_lost_its_cancellation() {
+    let up = login(false, power(60));
     let mut rig = Rig::online(60);
     rig.dock(1);
     rig.handle(Fact::LinkDown);
-    let up = Fact::LinkUp {
-        docked: false,
-        power: power(60),
-    };
-    assert_eq!(sent(&rig.handle(up)), [CANCEL, Command::STOP]);
-}
-
-#[test]
-fn a_cancellation_that_the_link_may_have_lost_is_repeated() {
-    let up = Fact::LinkUp {
-        docked: false,
-        power: power(60),
-    };
+    assert_eq!(sent(&rig.handle(up.clone())), [CANCEL, Command::STOP]);
     let mut rig = Rig::online(60);
     rig.dock(1);
     assert_eq!(sent(&rig.ask(Intent::CancelDock)), [CANCEL, Command::STOP]);
@@ -144,10 +124,7 @@ fn without_a_link_nothing_is_sent() {
 fn after_a_reconnect_a_low_robot_is_sent_home_again() {
     let mut rig = Rig::online(20);
     rig.handle(Fact::LinkDown);
-    let acts = rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(19),
-    });
+    let acts = rig.handle(login(false, power(19)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
@@ -160,15 +137,7 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
     assert_eq!(sent(&acts), [Command::STOP]);
     assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
     let acts = rig.pass(2 * SECOND, false);
-    let stop = acts
-        .iter()
-        .position(|act| *act == Act::Send(Command::STOP))
-        .unwrap();
-    let kill = acts
-        .iter()
-        .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
-        .unwrap();
-    assert!(stop < kill, "{acts:?}");
+    assert!(stops_before(&acts, |act| *act == Act::Kill(WHO, EndReason::Cpu)));
     assert!(!sent(&acts).contains(&FORWARD));
     assert!(acts.contains(&Act::Announce(Event::Safety {
         action: SafetyAction::Kill,
@@ -239,23 +208,10 @@ fn a_move_lasts_thirty_days_at_most() {
 #[test]
 fn endless_docking_requests_do_not_fill_the_memory() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(0),
-        plan: DockPlan::default(),
-    });
-    for call in 1..64 {
-        assert_eq!(
-            rig.ask(Intent::Dock {
-                call: CallId(call),
-                plan: DockPlan::default()
-            }),
-            []
-        );
+    for call in 0..64 {
+        assert_eq!(dock_ended(&rig.dock(call)), None);
     }
-    let acts = rig.ask(Intent::Dock {
-        call: CallId(64),
-        plan: DockPlan::default(),
-    });
+    let acts = rig.dock(64);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 0)));
 }
 
@@ -272,10 +228,7 @@ fn a_timed_move_ends_with_a_stop_and_its_answer() {
 fn before_a_login_and_with_a_good_battery_the_last_words_are_a_stop() {
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(60),
-    });
+    rig.handle(login(false, power(60)));
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
     rig.drive(1, None);
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
@@ -335,21 +288,6 @@ fn at_the_end_of_a_run_a_low_robot_is_sent_home() {
     let mut rig = Rig::online(20);
     rig.handle(Fact::RunEnding);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
-}
-
-#[test]
-fn a_reconnect_under_alarm_searches_at_once() {
-    for limits in [standing(), Limits::default()] {
-        let (mut rig, _) = lost(20, limits);
-        rig.pass(SECOND, false);
-        rig.handle(Fact::LinkDown);
-        rig.now += SECOND;
-        let acts = rig.handle(Fact::LinkUp {
-            docked: false,
-            power: power(19),
-        });
-        assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
-    }
 }
 
 #[test]
@@ -464,35 +402,19 @@ fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
 fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
     let mut rig = Rig::online(60);
     rig.handle(Fact::RunEnding);
-    let acts = rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    let acts = rig.dock(7);
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
     rig.handle(Fact::Engine(EngineReport::Docked));
-    let acts = rig.ask(Intent::Undock {
-        call: CallId(8),
-        timeout: SECOND,
-    });
+    let acts = rig.undock(8);
     assert_eq!(sent(&acts), []);
-    let end = DockEnd::Cancelled;
-    assert_eq!(
-        events(&acts),
-        [Event::UndockEnded {
-            call: CallId(8),
-            end
-        }]
-    );
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Cancelled));
 }
 
 #[test]
 fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
     let mut rig = Rig::online(60);
-    rig.ask(Intent::Dock {
-        call: CallId(7),
-        plan: DockPlan::default(),
-    });
+    rig.dock(7);
     assert_eq!(sent(&rig.handle(Fact::RunEnding)), [CANCEL, Command::STOP]);
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.handle(Fact::RunEnding)), [Command::STOP, FIND]);
@@ -606,10 +528,7 @@ fn without_a_guardian_a_low_robot_still_searches_but_makes_no_blind_move() {
 fn without_a_link_the_loss_of_a_guardian_sends_nothing_and_counts_for_the_next() {
     let mut rig = Rig::with(Limits::default());
     assert_eq!(sent(&rig.handle(Fact::Guarded(false))), []);
-    rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(60),
-    });
+    rig.handle(login(false, power(60)));
     rig.now += SECOND;
     assert_eq!(sent(&rig.drive(1, None)), []);
 }

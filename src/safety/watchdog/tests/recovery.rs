@@ -155,10 +155,7 @@ fn after_a_reconnect_it_searches_before_it_drives_a_leg() {
     rig.pass(SECOND, false);
     rig.handle(Fact::LinkDown);
     rig.now += 10 * SECOND;
-    let acts = rig.handle(Fact::LinkUp {
-        docked: false,
-        power: power(19),
-    });
+    let acts = rig.handle(login(false, power(19)));
     assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
     assert_eq!(tracks(&acts), [(0, 0)]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
@@ -174,10 +171,7 @@ fn lost_links_do_not_reset_the_count_of_failures() {
         rig.pass(SECOND, false);
         rig.handle(NOT_FOUND);
         rig.handle(Fact::LinkDown);
-        rig.handle(Fact::LinkUp {
-            docked: false,
-            power: power(19),
-        });
+        rig.handle(login(false, power(19)));
     }
     assert_eq!(rig.dog.state(), WatchdogState::Alarm);
 }
@@ -511,10 +505,7 @@ fn lost_links_do_not_begin_the_quarter_of_an_hour_again() {
     let (mut rig, _) = on_contacts(0, 10);
     rig.handle(Fact::LinkDown);
     rig.now += 120 * SECOND;
-    let acts = rig.handle(Fact::LinkUp {
-        docked: true,
-        power: power(0),
-    });
+    let acts = rig.handle(login(true, power(0)));
     assert_eq!(
         (count(&acts, &FIND), rig.dog.state()),
         (0, WatchdogState::Docked)
