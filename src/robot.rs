@@ -13,6 +13,7 @@ mod stop_confirmation;
 pub use agent_event::{
     AgentEvent, Bus, BusMessage, HostReport, Listener, TimedEvent, WatchdogState,
 };
+pub(crate) use event::named;
 pub use event::{
     DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd, SafetyAction,
 };

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::model::{Function, Namespace, Object, Type, Value};
+use super::model::{Function, Namespace, Object, Type, Value, with_article};
 
 /// Returns the text between the two markers in that file.
 pub fn markdown() -> String {
@@ -36,7 +36,7 @@ fn module(text: &mut String, module: &Namespace) {
     let Namespace { name, about, .. } = module;
     let about = capital(about);
     let _ = writeln!(text, "#### `require(\"@spykee/{name}\")`\n\n{about}.\n");
-    example(text, module.example());
+    example(text, module.example);
     each_function(text, module.functions);
 }
 
@@ -47,7 +47,7 @@ fn each_function(text: &mut String, functions: &[Function]) {
 fn constants(text: &mut String, namespace: &Namespace) {
     for constant in namespace.constants {
         let _ = writeln!(text, "#### `{}`\n\n{}\n", constant.path, constant.doc);
-        example(text, constant.example());
+        example(text, constant.example);
     }
 }
 
@@ -70,7 +70,7 @@ fn function(text: &mut String, function: &Function) {
     if !(function.parameters.is_empty() && function.returns.is_empty() && function.rest.is_none()) {
         text.push('\n');
     }
-    example(text, function.example());
+    example(text, function.example);
 }
 
 fn result(value: &Value) -> String {
@@ -117,7 +117,7 @@ fn events(text: &mut String) {
     for event in super::events() {
         let payload = event
             .payload
-            .map_or_else(|| "an empty table".to_owned(), Object::with_article);
+            .map_or_else(|| "an empty table".to_owned(), with_article);
         let _ = writeln!(text, "| `{}` | {} | {payload} |", event.name, event.doc);
     }
     text.push('\n');

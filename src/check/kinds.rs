@@ -44,7 +44,7 @@ impl ValueKind<'_> {
             ValueKind::Function(_) | ValueKind::Native(_) => "a function".to_owned(),
             ValueKind::Namespace(name) => format!("all of {name}"),
             ValueKind::Module(module) => format!("the module {}", module.name),
-            ValueKind::Object(object) => object.with_article(),
+            ValueKind::Object(object) => api::with_article(object.name),
             ValueKind::List(_) => "a list".to_owned(),
         })
     }
@@ -261,7 +261,9 @@ impl<'a> Kinds<'a> {
             return ValueKind::Unknown;
         };
         let payload = api::event(name).and_then(|event| event.payload);
-        payload.map_or(ValueKind::Unknown, ValueKind::Object)
+        payload
+            .and_then(api::object)
+            .map_or(ValueKind::Unknown, ValueKind::Object)
     }
 
     /// Returns what a call calls; a method of the API is a [`ValueKind::Native`], too.
@@ -346,7 +348,7 @@ pub(super) fn of_type<'a>(kind: Type) -> ValueKind<'a> {
         Type::Boolean => ValueKind::Boolean,
         Type::Number(_) | Type::Whole(_) => ValueKind::Number(None),
         Type::Text(_) | Type::Choice(_) => ValueKind::Text(None),
-        Type::Object(object) => ValueKind::Object(object),
+        Type::Object(name) => api::object(name).map_or(ValueKind::Unknown, ValueKind::Object),
         Type::List(of) => ValueKind::List(of),
         _ => ValueKind::Unknown,
     }

@@ -323,11 +323,8 @@ mod tests {
             api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
         let functions = of_behaviours.flat_map(|one| one.functions);
         let methods = api::methods().filter(|one| one.owner() != "sim");
-        let functions = functions
-            .chain(methods)
-            .map(|one| (one.path, one.example()));
-        for (path, example) in
-            functions.chain(api::constants().map(|one| (one.path, one.example())))
+        let functions = functions.chain(methods).map(|one| (one.path, one.example));
+        for (path, example) in functions.chain(api::constants().map(|one| (one.path, one.example)))
         {
             let source =
                 format!("local function see(frame)\n{example}\nend\nrobot.on('frame', see)");

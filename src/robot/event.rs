@@ -212,7 +212,10 @@ impl Event {
 macro_rules! named {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+        #[derive(
+            Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+            schemars::JsonSchema,
+        )]
         pub enum $name {
             $($(#[$variant_doc])* #[doc = concat!(" (`", $text, "`)")] #[serde(rename = $text)] $variant,)+
         }
@@ -225,6 +228,10 @@ macro_rules! named {
             pub fn name(self) -> &'static str {
                 match self { $($name::$variant => $text,)+ }
             }
+
+            pub fn from_name(name: &str) -> Option<$name> {
+                $name::ALL.iter().copied().find(|one| one.name() == name)
+            }
         }
 
         impl std::fmt::Display for $name {
@@ -234,6 +241,8 @@ macro_rules! named {
         }
     };
 }
+
+pub(crate) use named;
 
 named! {
     /// How a setpoint ended.

@@ -15,7 +15,7 @@ use super::super::output::{Level, Output};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
 use super::{Builder, Call, NativeResult, Natives, of_row, robot};
-use crate::api::PIXELS;
+use crate::api::Bounds;
 use crate::robot::HostReport;
 use crate::vision::{
     Blob, BlobOptions, Camera, Direction, Image, Line, Roi, Size, brightness, find_qrcodes,
@@ -57,6 +57,9 @@ pub(super) const NATIVES: &Natives = &[
 
 /// `robot.frame` does not return older frames, since the stream has stopped then.
 const STALE: Duration = Duration::from_secs(1);
+
+/// Coordinates and sizes of a part of a frame, in pixels.
+const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 
 /// Distance from a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;

@@ -7,7 +7,6 @@ use super::super::motion::Timing;
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
-use crate::api::LONGEST_DRIVE;
 use crate::robot::{DockPlan, Intent, MotionEnd, Setpoint};
 
 pub(super) const NATIVES: &Natives = &[
@@ -25,6 +24,9 @@ pub(super) const NATIVES: &Natives = &[
     ("robot.undock", undock),
     ("robot.cancel_dock", cancel_dock),
 ];
+
+/// The longest drive of one call, in seconds, as in the rows of `robot.move` and `robot.drive`.
+const LONGEST_DRIVE: f64 = 3600.0;
 
 /// Default speed of `forward` and `turn`, as a share of full speed.
 const USUAL: f64 = 0.5;

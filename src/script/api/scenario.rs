@@ -113,7 +113,7 @@ fn to_lua(lua: &Lua, row: Option<&'static Function>, answer: &Json) -> LuaResult
     let returns = row.and_then(|row| row.returns.first());
     match (returns.map(|one| one.kind), value) {
         (Some(Type::Object(object)), LuaValue::Table(table)) => {
-            Ok(LuaValue::Table(of_row(object.name, table)))
+            Ok(LuaValue::Table(of_row(object, table)))
         }
         (_, value) => Ok(value),
     }
