@@ -81,7 +81,7 @@ impl CheckContext {
     fn missing_module(&self, path: &str) -> Option<String> {
         let beside = path.starts_with("./") || path.starts_with("../");
         if !beside {
-            return resolve("", path).err().map(|why| why.to_string());
+            return resolve("", path).err();
         }
         let folder = self.file.as_ref()?.parent()?;
         let path = path.trim_end_matches(".luau").trim_end_matches(".lua");

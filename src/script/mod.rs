@@ -165,7 +165,7 @@ impl Script {
         }
         if let Err(why) = api::set_live_param(&self.lua, &mut state, name, value) {
             let now = state.now;
-            let line = LogLine::new(Level::Warn, &why.to_string());
+            let line = LogLine::new(Level::Warn, &why);
             state.output.log(line, now);
         }
     }
@@ -653,7 +653,7 @@ impl Script {
         let progress = match file {
             Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
             Ok(file) => match state.modules.record_file(id, &file) {
-                Err(why) => Progress::Missing(why.to_string()),
+                Err(why) => Progress::Missing(why),
                 Ok(chunk) => api::compile_module(&self.lua, &file.source, &chunk),
             },
         };

@@ -113,7 +113,7 @@ fn open(call: &mut Call<'_>) -> NativeResult {
     drop(bytes);
     let from = requiring_module(call);
     let target = resolve(call.state.modules.folder(from), &path);
-    let target = target.map_err(|why| call.args.misuse(&printable(&why.to_string(), 400)))?;
+    let target = target.map_err(|why| call.args.misuse(&printable(&why, 400)))?;
     let Some(task) = call.state.tasks.current else {
         return Err(call.args.misuse("nothing can be loaded here"));
     };
@@ -147,7 +147,7 @@ fn record_wait(
     let tasks = &call.state.tasks;
     let modules = &mut call.state.modules;
     let recorded = modules.record_wait(from, to, task, |id| tasks.get(id).is_some());
-    recorded.map_err(|why| call.args.misuse(&why.to_string()))
+    recorded.map_err(|why| call.args.misuse(&why))
 }
 
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
@@ -166,7 +166,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             added
         }
     };
-    added.map_err(|why| call.args.misuse(&why.to_string()))
+    added.map_err(|why| call.args.misuse(&why))
 }
 
 /// Tells the prelude what to do next.

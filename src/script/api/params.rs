@@ -51,7 +51,7 @@ fn declare(call: &mut Call<'_>) -> NativeResult {
     call.state.params.declared = Some(declared);
     if let Err(error) = set {
         // A pcall must not continue with a refused value.
-        call.state.params.refused = Some(error.to_string());
+        call.state.params.refused = Some(error);
         budget::latch_stopped();
         return call.reply(());
     }
@@ -68,36 +68,23 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
     }
 }
 
-#[derive(Debug, thiserror::Error)]
-pub(in crate::script) enum SetParamError {
-    #[error("the script declares no parameter '{0}'")]
-    Undeclared(String),
-    #[error("{0} cannot be changed while the script runs")]
-    Fixed(String),
-    #[error("{name} must be {expected}")]
-    Refused { name: String, expected: String },
-    #[error("{name} could not be changed: {source}")]
-    Vm { name: String, source: LuaError },
-}
-
 /// Changes a parameter for a person: the script's table has the new value from now on.
 pub(in crate::script) fn set_live(
     lua: &Lua,
     state: &mut State,
     name: &str,
     value: ParamValue,
-) -> Result<(), SetParamError> {
+) -> Result<(), String> {
     let declared = state.params.declared.as_mut();
     let Some(declared) = declared.and_then(|declared| declared.get_mut(name)) else {
-        return Err(SetParamError::Undeclared(printable(name, 60)));
+        let name = printable(name, 60);
+        return Err(format!("the script declares no parameter '{name}'"));
     };
     if !declared.live {
-        return Err(SetParamError::Fixed(name.to_owned()));
+        return Err(format!("{name} cannot be changed while the script runs"));
     }
     if !declared.allows(&value) {
-        let name = name.to_owned();
-        let expected = declared.expected();
-        return Err(SetParamError::Refused { name, expected });
+        return Err(format!("{name} must be {}", declared.expected()));
     }
     let changed = lua
         .named_registry_value::<LuaTable>(VALUES)
@@ -107,10 +94,7 @@ pub(in crate::script) fn set_live(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|source| SetParamError::Vm {
-        name: name.to_owned(),
-        source,
-    })?;
+    changed.map_err(|error| format!("{name} could not be changed: {error}"))?;
     declared.value = value;
     state.show_params();
     Ok(())
@@ -214,7 +198,7 @@ fn declaration(call: &Call<'_>, name: String, about: LuaTable) -> Result<Declare
         live: table.get::<Option<bool>>("live")?.unwrap_or_default(),
         doc: text("doc")?.unwrap_or_default(),
     };
-    check_declaration(&declared).map_err(|error| args.misuse(&error.to_string()))?;
+    check_declaration(&declared).map_err(|error| args.misuse(&error))?;
     Ok(declared)
 }
 

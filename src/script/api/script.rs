@@ -186,9 +186,9 @@ fn store_set(call: &mut Call<'_>) -> NativeResult {
             .args
             .misuse("value is missing; to remove a key, call store.delete(key)"));
     }
-    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why.to_string()))?;
+    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why))?;
     let set = call.state.store.set(key, json);
-    set.map_err(|full| call.args.misuse(&full.to_string()))?;
+    set.map_err(|full| call.args.misuse(&full))?;
     call.reply(())
 }
 
