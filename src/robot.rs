@@ -18,7 +18,7 @@ pub use event::{
     DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd, SafetyAction,
 };
 pub use frame::{
-    Detection, Detections, Frame, PartialFrame, Pictures, StreamOff, Streams, Use, ViewerChannel,
+    Detection, Detections, Frame, PartialFrame, Pictures, Streams, Use, ViewerChannel,
 };
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};

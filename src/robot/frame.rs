@@ -93,11 +93,6 @@ pub struct Streams {
     pub audio_out: Use,
 }
 
-/// A stream that the config keeps off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the config keeps {0} off; it has streams: {{ {0}: off }}")]
-pub struct StreamOff(&'static str);
-
 impl Streams {
     /// When this stream is on.
     pub fn usage(&self, stream: Stream) -> Use {
@@ -109,11 +104,13 @@ impl Streams {
         }
     }
 
-    /// Checks that a script may have a stream.
-    /// Fails with [`StreamOff`] if the config keeps it off.
-    pub fn allow(&self, stream: Stream) -> Result<(), StreamOff> {
+    /// Checks that a script may have a stream: the error says that the config keeps it off.
+    pub fn allow(&self, stream: Stream) -> Result<(), String> {
         if self.usage(stream) == Use::Off {
-            return Err(StreamOff(stream.name()));
+            let name = stream.name();
+            return Err(format!(
+                "the config keeps {name} off; it has streams: {{ {name}: off }}"
+            ));
         }
         Ok(())
     }

@@ -53,10 +53,7 @@ fn is_incomplete(error: &LuaError) -> bool {
 }
 
 pub(super) fn refused(error: &LuaError) -> Evaluated {
-    Evaluated::Failed(match VmError::from_lua(error) {
-        VmError::Memory => "not enough memory for this line".to_owned(),
-        VmError::Text(text) => text,
-    })
+    Evaluated::Failed(VmError::from_lua(error).text_or("not enough memory for this line"))
 }
 
 /// Formats values for people: shallow, bounded, and without running code of the script.

@@ -74,10 +74,8 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
 /// The compiler's error message for a checked source, if it does not compile.
 pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
     let compiled = open().and_then(|lua| compile(&lua, source, chunk).map(drop));
-    compiled.err().map(|error| match VmError::from_lua(&error) {
-        VmError::Memory => "not enough memory to compile it".to_owned(),
-        VmError::Text(text) => text,
-    })
+    let error = VmError::from_lua(&compiled.err()?);
+    Some(error.text_or("not enough memory to compile it"))
 }
 
 /// Compiles a checked source as a module with its own globals.

@@ -145,7 +145,7 @@ impl<'a> Builder<'a> {
                     })
                 }));
                 let Ok(answered) = answered else {
-                    shared.borrow_mut().exit.broken = true;
+                    shared.borrow_mut().broken = true;
                     budget::latch_stopped();
                     return failed(lua, "internal fault");
                 };

@@ -256,9 +256,9 @@ pub(in crate::script) fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progr
     let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
     match compiled {
         Ok(function) => Progress::Ready(function),
-        Err(error) => Progress::Failed(match VmError::from_lua(&error) {
-            VmError::Memory => format!("{chunk}: not enough memory for this module"),
-            VmError::Text(text) => text,
-        }),
+        Err(error) => {
+            let words = format!("{chunk}: not enough memory for this module");
+            Progress::Failed(VmError::from_lua(&error).text_or(&words))
+        }
     }
 }

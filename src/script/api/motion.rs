@@ -3,7 +3,6 @@
 
 use std::time::Duration;
 
-use super::super::motion::Timing;
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
@@ -155,14 +154,9 @@ fn start_motion(
         call.may_wait()?;
     }
     call.make_room(0)?;
-    let motion = {
-        let now = call.state.now;
-        let timing = match time {
-            Some(_) => Timing::Timed { runs_on },
-            None => Timing::Open,
-        };
-        call.state.motion.set(owner, setpoint, timing, now)
-    };
+    let now = call.state.now;
+    let runs_on = time.map(|_| runs_on);
+    let motion = call.state.motion.set(owner, setpoint, runs_on, now);
     call.state.output.send(Intent::Move {
         motion,
         setpoint,

@@ -26,7 +26,7 @@ const VALUES: &str = "spykee.params.values";
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
     let names = move |_: &Lua, _: &str| {
-        let declared = &shared.borrow().params.declared;
+        let declared = &shared.borrow().declared_params;
         declared.iter().flat_map(BTreeMap::keys).cloned().collect()
     };
     let strict = builder.strict_with("params", names)?;
@@ -37,7 +37,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
 /// values.
 fn declare(call: &mut Call<'_>) -> NativeResult {
-    if call.state.params.declared.is_some() {
+    if call.state.declared_params.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
     }
@@ -48,10 +48,10 @@ fn declare(call: &mut Call<'_>) -> NativeResult {
     let mut declared = declarations(call, &table)?;
     let set = declaration::set_given(&mut declared, &call.state.options.params);
     let table = to_lua(call.lua, declared.values())?;
-    call.state.params.declared = Some(declared);
+    call.state.declared_params = Some(declared);
     if let Err(error) = set {
         // A pcall must not continue with a refused value.
-        call.state.params.refused = Some(error);
+        call.state.refused_params = Some(error);
         budget::latch_stopped();
         return call.reply(());
     }
@@ -75,7 +75,7 @@ pub(in crate::script) fn set_live(
     name: &str,
     value: ParamValue,
 ) -> Result<(), String> {
-    let declared = state.params.declared.as_mut();
+    let declared = state.declared_params.as_mut();
     let Some(declared) = declared.and_then(|declared| declared.get_mut(name)) else {
         let name = printable(name, 60);
         return Err(format!("the script declares no parameter '{name}'"));

@@ -162,10 +162,8 @@ fn info(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("Info", table))
 }
 
-struct SubscriptionObject(SubscriptionId);
-
 pub(super) fn register_subscription(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<SubscriptionObject>("Subscription", |_| {})
+    builder.object::<SubscriptionId>("Subscription", |_| {})
 }
 
 impl Argument for EventName {
@@ -201,7 +199,7 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
     listen(call, subscription.event);
     let id = SubscriptionId(call.state.tasks.next_id());
     call.state.subscriptions.insert(id, subscription);
-    let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
+    let object = call.lua.create_any_userdata(id)?;
     call.reply(object)
 }
 
@@ -221,7 +219,7 @@ pub(super) fn wait_for_event(
     call.may_wait()?;
     let streams = call.state.options.streams;
     match event.stream().map(|stream| streams.allow(stream)) {
-        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why.to_string())),
+        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why)),
         _ => listen(call, event),
     }
     call.wait(Wait::Event(event), time)
@@ -243,7 +241,7 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
 }
 
 fn off(call: &mut Call<'_>) -> NativeResult {
-    let id = call.receiver::<SubscriptionObject>()?.0;
+    let id = *call.receiver::<SubscriptionId>()?;
     call.state.unsubscribe(id);
     call.reply(())
 }

@@ -55,7 +55,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 fn stop(call: &mut Call<'_>) -> NativeResult {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));
-    call.state.exit.stop_requested = Some(reason);
+    call.state.stop_requested = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
@@ -63,12 +63,12 @@ fn stop(call: &mut Call<'_>) -> NativeResult {
 fn on_stop(call: &mut Call<'_>) -> NativeResult {
     call.must_be_running()?;
     let function = call.args.get(0)?;
-    if call.state.exit.stop_handlers.len() >= MAX_STOP_HANDLERS {
+    if call.state.stop_handlers.len() >= MAX_STOP_HANDLERS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.exit.stop_handlers.push_back(function);
+    call.state.stop_handlers.push_back(function);
     call.reply(())
 }
 

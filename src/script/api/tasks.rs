@@ -30,8 +30,6 @@ pub(super) const NATIVES: &Natives = &[
 const WAIT: &str = "task.wait";
 const EVERY: &str = "task.every";
 
-pub(super) struct TaskObject(Rc<Handle>);
-
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("task")?;
     if let Some(row) = api::function(EVERY) {
@@ -52,9 +50,9 @@ pub(super) fn wait_function(builder: &Builder<'_>) -> LuaResult<LuaFunction> {
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<TaskObject>("Task", |registry| {
-        registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
-        registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
+    builder.object::<Rc<Handle>>("Task", |registry| {
+        registry.add_field_method_get("status", |_, task| Ok(task.status.get().name()));
+        registry.add_field_method_get("missed", |_, task| Ok(task.missed.get()));
     })
 }
 
@@ -124,7 +122,7 @@ pub(super) fn begin(
     start: Option<Instant>,
 ) -> NativeResult {
     let handle = add(call, function, TaskKind::Spawned, values, start)?;
-    let object = call.lua.create_any_userdata(TaskObject(handle))?;
+    let object = call.lua.create_any_userdata(handle)?;
     call.reply(object)
 }
 
@@ -211,7 +209,7 @@ fn run_group(
 }
 
 fn receiver(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
-    Ok(Rc::clone(&call.receiver::<TaskObject>()?.0))
+    Ok(Rc::clone(&*call.receiver::<Rc<Handle>>()?))
 }
 
 fn cancel(call: &mut Call<'_>) -> NativeResult {

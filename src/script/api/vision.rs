@@ -1,6 +1,5 @@
 //! `vision.*`: colours, and objects that examine one frame after the other.
 
-use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -30,54 +29,46 @@ pub(super) const NATIVES: &Natives = &[
 ];
 
 /// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
-const MAX_WATCHERS: u32 = 16;
+const MAX_WATCHERS: usize = 16;
 /// Largest number of frames of one `vision.learn`: each is decoded into its own buffer.
 const MAX_LEARN_FRAMES: usize = 16;
 /// A frame that arrives within this time after the robot has moved may still show motion: pictures
 /// are late, and the robot coasts and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
 
-/// Counts an object until it is dropped.
-struct CountGuard(Rc<Cell<u32>>);
-
-impl Drop for CountGuard {
-    fn drop(&mut self) {
-        self.0.set(self.0.get().saturating_sub(1));
-    }
-}
-
 struct TrackerObject {
     tracker: Tracker,
     colours: Colours,
-    _count_guard: CountGuard,
+    /// Counts the object until it is dropped.
+    _watcher: Rc<()>,
 }
 
 struct DetectorObject {
     detector: MotionDetector,
-    _count_guard: CountGuard,
+    /// Counts the object until it is dropped.
+    _watcher: Rc<()>,
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<ColourObject>("Colour", |registry| {
-        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
+    builder.object::<Colour>("Colour", |registry| {
+        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.to_string()));
     })?;
     builder.object::<TrackerObject>("Tracker", |_| {})?;
     builder.object::<DetectorObject>("Detector", |_| {})
 }
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
-fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
+fn count(call: &Call<'_>) -> Result<Rc<()>, Refusal> {
     let watchers = &call.state.frames.watchers;
-    if watchers.get() >= MAX_WATCHERS {
+    if Rc::strong_count(watchers) > MAX_WATCHERS {
         call.lua.gc_collect()?;
     }
-    if watchers.get() >= MAX_WATCHERS {
+    if Rc::strong_count(watchers) > MAX_WATCHERS {
         return Err(call.args.misuse(&format!(
             "there are {MAX_WATCHERS} trackers and detectors already; make them once, outside of loops"
         )));
     }
-    watchers.set(watchers.get() + 1);
-    Ok(CountGuard(Rc::clone(watchers)))
+    Ok(Rc::clone(watchers))
 }
 
 fn tracker(call: &mut Call<'_>) -> NativeResult {
@@ -91,7 +82,7 @@ fn tracker(call: &mut Call<'_>) -> NativeResult {
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),
         colours,
-        _count_guard: count(call)?,
+        _watcher: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -175,7 +166,7 @@ fn detector(call: &mut Call<'_>) -> NativeResult {
     };
     let object = DetectorObject {
         detector: MotionDetector::new(options, call.state.options.camera),
-        _count_guard: count(call)?,
+        _watcher: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -225,7 +216,7 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let images: Vec<&Image> = images.iter().collect();
     match learn(&images, part) {
         Ok(learned) => {
-            let colour = call.lua.create_any_userdata(ColourObject(learned.colour))?;
+            let colour = call.lua.create_any_userdata(learned.colour)?;
             let info = call.lua.create_table_with_capacity(0, 1)?;
             info.raw_set("quality", learned.quality)?;
             call.reply((colour, of_row("Learned", info)))
@@ -254,8 +245,6 @@ fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
         .map(|index| frame::of_value(&list.raw_get::<LuaValue>(index)?).ok_or_else(wrong))
         .collect()
 }
-
-pub(super) struct ColourObject(pub(super) Colour);
 
 /// The colours of one search, with the names under which their blobs are reported.
 #[derive(Debug, Clone, Default)]
@@ -322,8 +311,8 @@ fn named(call: &Call<'_>, name: &str) -> Result<Colour, Refusal> {
 
 fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
     let object = value.as_userdata();
-    let object = object.and_then(|object| object.borrow::<ColourObject>().ok());
-    object.map(|object| object.0).ok_or_else(|| {
+    let object = object.and_then(|object| object.borrow::<Colour>().ok());
+    object.map(|object| *object).ok_or_else(|| {
         call.args.misuse(&format!(
             "a colour must be a name, vision.lab{{...}} or vision.hsv{{...}}, got {}",
             describe(value)
@@ -345,6 +334,6 @@ pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
 
 fn made(call: &Call<'_>, colour: Result<Colour, ColourError>) -> NativeResult {
     let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
-    let object = call.lua.create_any_userdata(ColourObject(colour))?;
+    let object = call.lua.create_any_userdata(colour)?;
     call.reply(object)
 }
