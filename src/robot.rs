@@ -60,14 +60,11 @@ pub struct Priority(pub i16);
 /// The power of both tracks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setpoint {
-    /// Left track.
     pub left: TrackPower,
-    /// Right track.
     pub right: TrackPower,
 }
 
 impl Setpoint {
-    /// Both tracks at rest.
     pub const STOP: Setpoint = Setpoint {
         left: TrackPower::STOP,
         right: TrackPower::STOP,
@@ -80,7 +77,6 @@ impl Setpoint {
         Some(Setpoint { left, right })
     }
 
-    /// Whether both tracks are at rest.
     pub fn is_stop(self) -> bool {
         self == Setpoint::STOP
     }

@@ -18,7 +18,6 @@ pub struct Frame {
     /// When its last byte arrived. Between processes, whose clocks differ, it is sent as an age.
     #[serde(with = "age")]
     pub at: Instant,
-    /// The JPEG.
     pub jpeg: Bytes,
 }
 
@@ -27,7 +26,6 @@ pub struct Frame {
 pub struct PartialFrame {
     /// The number that the frame will have.
     pub seq: u64,
-    /// Its first bytes.
     pub jpeg: Bytes,
 }
 
@@ -147,11 +145,8 @@ pub struct Detection {
 /// What one behaviour found in one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detections {
-    /// The behaviour.
     pub behaviour: String,
-    /// The frame's number.
     pub frame: u64,
-    /// The objects.
     pub list: Vec<Detection>,
 }
 
@@ -191,7 +186,6 @@ impl ViewerChannel {
         self.found.subscribe()
     }
 
-    /// The parameters of behaviours.
     pub fn params(&self) -> &ParamBoard {
         &self.params
     }

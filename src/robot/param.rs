@@ -110,11 +110,8 @@ impl DeclaredParam {
 /// A person's request to change a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParamChange {
-    /// The behaviour.
     pub behaviour: String,
-    /// The parameter.
     pub name: String,
-    /// The new value.
     pub value: ParamValue,
 }
 
