@@ -88,20 +88,16 @@ impl DeclaredParam {
 
     /// Limits the texts: a compromised host may send anything.
     fn shorten(&mut self) {
-        let texts = [&mut self.name, &mut self.doc];
-        let texts = texts
-            .into_iter()
-            .chain(&mut self.choices)
-            .chain(&mut self.unit);
-        for text in texts {
+        let value = match &mut self.value {
+            ParamValue::Text(text) => Some(text),
+            ParamValue::Boolean(_) | ParamValue::Number(_) => None,
+        };
+        let texts = [&mut self.name, &mut self.doc].into_iter();
+        let texts = texts.chain(&mut self.choices).chain(&mut self.unit);
+        for text in texts.chain(value) {
             if let Some((at, _)) = text.char_indices().nth(LONGEST) {
                 text.truncate(at);
             }
-        }
-        if let ParamValue::Text(text) = &mut self.value
-            && let Some((at, _)) = text.char_indices().nth(LONGEST)
-        {
-            text.truncate(at);
         }
         self.choices.truncate(LONGEST);
     }
