@@ -102,7 +102,6 @@ impl Script {
     }
 
     /// `scenario`: for a scenario script, its API, if it can be called.
-
     fn load_with(
         source: &[u8],
         options: Options,
