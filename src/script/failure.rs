@@ -250,18 +250,15 @@ impl FailureLog {
 #[derive(Debug)]
 pub(super) enum Life {
     Running,
-    Stopping(Stopping),
+    /// The last half second, in which the script may clean up.
+    Stopping {
+        exit: ScriptExit,
+        deadline: Instant,
+        /// Real time that its slices took; needed since the clock of the deadline may be virtual
+        /// and stand still.
+        spent: Duration,
+    },
     Ended(ScriptExit),
-}
-
-/// The last half second, in which a stopping script may clean up.
-#[derive(Debug)]
-pub(super) struct Stopping {
-    pub(super) exit: ScriptExit,
-    pub(super) deadline: Instant,
-    /// Real time that its slices took; needed since the clock of the deadline may be virtual and
-    /// stand still.
-    pub(super) spent: Duration,
 }
 
 /// Whether a script that ends for this reason must not run another line.

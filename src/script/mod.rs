@@ -423,8 +423,8 @@ impl Script {
         let mut state = self.state.borrow_mut();
         state.usage.cpu += cost.wall;
         state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
-        if let Life::Stopping(stopping) = &mut state.life {
-            stopping.spent += cost.wall;
+        if let Life::Stopping { spent, .. } = &mut state.life {
+            *spent += cost.wall;
         }
     }
 
@@ -524,13 +524,13 @@ impl Script {
         if state.is_out_of_time() {
             return state.end_stopped();
         }
-        let Life::Stopping(stopping) = &state.life else {
+        let Life::Stopping { exit, .. } = &state.life else {
             return;
         };
         if !state.tasks.is_empty() {
             return;
         }
-        let reason = stopping.exit.reason.name();
+        let reason = exit.reason.name();
         let Some(handler) = state.stop_handlers.pop_front() else {
             return state.end_stopped();
         };

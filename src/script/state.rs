@@ -16,7 +16,7 @@ use tokio::time::Instant;
 
 use super::eval;
 use super::events::{Busy, EventName, Payload, Subscriptions, is_round};
-use super::failure::{FailureLog, Life, ScriptExit, Stopping};
+use super::failure::{FailureLog, Life, ScriptExit};
 use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, MotionCheck};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -319,7 +319,7 @@ impl State {
 
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let exit = match &self.life {
-            Life::Stopping(stopping) => Some(stopping.deadline),
+            Life::Stopping { deadline, .. } => Some(*deadline),
             Life::Running => None,
             Life::Ended(_) => return None,
         };
@@ -733,11 +733,11 @@ impl State {
         if !self.is_running() {
             return;
         }
-        self.life = Life::Stopping(Stopping {
+        self.life = Life::Stopping {
             exit: ScriptExit { reason, message },
             deadline: self.now + STOP_TIME,
             spent: Duration::ZERO,
-        });
+        };
         self.cancel_all();
     }
 
@@ -757,16 +757,16 @@ impl State {
 
     pub(super) fn is_out_of_time(&self) -> bool {
         match &self.life {
-            Life::Stopping(stopping) => {
-                self.now >= stopping.deadline || stopping.spent >= STOP_TIME
-            }
+            Life::Stopping {
+                deadline, spent, ..
+            } => self.now >= *deadline || *spent >= STOP_TIME,
             _ => false,
         }
     }
 
     pub(super) fn end_stopped(&mut self) {
-        if let Life::Stopping(stopping) = &self.life {
-            let exit = stopping.exit.clone();
+        if let Life::Stopping { exit, .. } = &self.life {
+            let exit = exit.clone();
             self.cancel_docking();
             self.end(exit);
         }
@@ -777,8 +777,8 @@ impl State {
     pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: SliceStart) {
         let exit = match &self.life {
             Life::Running => ScriptExit { reason, message },
-            Life::Stopping(stopping) => {
-                let exit = stopping.exit.clone();
+            Life::Stopping { exit, .. } => {
+                let exit = exit.clone();
                 let text = message.unwrap_or_else(|| reason.sentence().to_owned());
                 self.log(Level::Warn, &format!("while stopping: {text}"));
                 exit

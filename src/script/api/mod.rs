@@ -26,7 +26,7 @@ use mlua::prelude::{
 use super::arguments::{Args, Refusal};
 use super::budget;
 use super::failure::{SourceLocation, is_runtime_frame};
-use super::sandbox::{self, Prelude};
+use super::sandbox;
 use super::state::State;
 use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
@@ -167,7 +167,7 @@ const NATIVES: &[&Natives] = &[
 
 /// Defines everything that a script can call: a behaviour, or a scenario.
 pub(super) fn install(lua: &Lua, shared: &Shared, is_scenario: bool) -> LuaResult<()> {
-    let prelude = Prelude::run(lua, location_function(lua)?)?;
+    let prelude = sandbox::run_prelude(lua, location_function(lua)?)?;
     let builder = Builder::new(lua, shared, &prelude, NATIVES)?;
     tasks::register_handle(&builder)?;
     robot::register_subscription(&builder)?;

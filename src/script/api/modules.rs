@@ -49,7 +49,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
         .create_function(move |_, ()| Ok((shared.borrow().tasks.len(), MAX_TASKS)))?;
     let require: LuaFunction = builder
         .prelude
-        .function("requirer")?
+        .raw_get::<LuaFunction>("requirer")?
         .call((open, done, nearest, mismatch, events, location, tasks))?;
     globals.raw_set("require", require)
 }

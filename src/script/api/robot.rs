@@ -42,7 +42,10 @@ const BLINKER: &str = "spykee.blinker";
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("robot")?;
     let (led, wait): (LuaFunction, _) = (table.raw_get("led")?, tasks::wait_function(builder)?);
-    let blinker: LuaFunction = builder.prelude.function("blinker")?.call((led, wait))?;
+    let blinker: LuaFunction = builder
+        .prelude
+        .raw_get::<LuaFunction>("blinker")?
+        .call((led, wait))?;
     builder.lua.set_named_registry_value(BLINKER, blinker)?;
     Ok(table)
 }

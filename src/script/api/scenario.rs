@@ -18,7 +18,7 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;
     let ask = builder.function_with_shim("plain", row, ask)?;
     let wait = wait_function(builder)?;
-    let fail = builder.prelude.function("fail")?;
+    let fail = builder.prelude.raw_get::<LuaFunction>("fail")?;
     let rows = api::object("Sim").map_or(&[][..], |sim| sim.methods);
     let methods = lua.create_table()?;
     for row in rows {

@@ -34,7 +34,10 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("task")?;
     if let Some(row) = api::function(EVERY) {
         let beat = builder.function_with_shim("waiting", row, beat)?;
-        let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
+        let beats: LuaFunction = builder
+            .prelude
+            .raw_get::<LuaFunction>("beats")?
+            .call(beat)?;
         builder.lua.set_named_registry_value(BEATS, beats)?;
     }
     Ok(table)

@@ -189,7 +189,7 @@ pub(crate) fn failure_with(source: &str, explain: Explain) -> String {
 }
 
 /// Pairs of a text and what comes of it, one a line: `TEXT => WORDS`.
-fn cases(lines: &str) -> impl Iterator<Item = (&str, &str)> {
+pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (&str, &str)> {
     let lines = lines.lines().map(str::trim);
     lines.map(|line| line.split_once(" => ").expect("a pair"))
 }
