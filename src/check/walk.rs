@@ -151,6 +151,13 @@ impl<'a> Walk<'a> {
             }
             S::Return(values) => self.exprs(values),
             S::Leave | S::Type => {}
+            _ => self.blocks(statement),
+        }
+    }
+
+    fn blocks(&mut self, statement: &'a Statement) {
+        use StatementKind as S;
+        match &statement.kind {
             S::While(condition, block) => {
                 self.condition(condition);
                 self.endless(statement, condition, block);
@@ -178,6 +185,7 @@ impl<'a> Walk<'a> {
                 self.condition(condition);
             }
             S::Do(block) => self.block(block),
+            _ => {}
         }
     }
 
