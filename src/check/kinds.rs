@@ -82,7 +82,6 @@ impl<'a> Kinds<'a> {
         kinds
     }
 
-    /// Records the names that a statement sets.
     fn note_names(&mut self, statement: &'a Statement) {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
@@ -308,7 +307,6 @@ impl<'a> Kinds<'a> {
 }
 
 impl ValueKind<'_> {
-    /// Returns the kind without its constant value.
     fn of_any_value(self) -> Self {
         match self {
             ValueKind::Number(_) => ValueKind::Number(None),
@@ -324,7 +322,6 @@ pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
     table.entries().iter().map(Entry::name).collect()
 }
 
-/// Returns the value of a key of a table constructor.
 fn value_of<'a>(table: &'a Expr, key: &str) -> Option<&'a Expr> {
     let mut entries = table.entries().iter();
     entries

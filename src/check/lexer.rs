@@ -1,7 +1,6 @@
 //! The lexer: splits Luau source text into tokens. Never fails: what is not a Luau token becomes
 //! [`TokenKind::Stray`], and [`super::syntax`] may know what was meant.
 
-/// A range of the source, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Span {
     pub(crate) start: usize,

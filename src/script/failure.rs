@@ -59,11 +59,7 @@ pub enum Failure {
     #[error("{0}")]
     Syntax(String),
     #[error("{chunk}: the script cannot be started: {reason}")]
-    Machine {
-        chunk: String,
-        /// The VM's error message.
-        reason: String,
-    },
+    Machine { chunk: String, reason: String },
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,9 +78,7 @@ impl ScriptExit {
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
-    /// The file, as messages show it.
     pub file: String,
-    /// The line number, from 1.
     pub line: u32,
 }
 
@@ -96,7 +90,6 @@ impl fmt::Display for SourceLocation {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum VmError {
-    /// The script exceeded its memory limit.
     Memory,
     /// An error, converted to one short text.
     Text(String),

@@ -94,11 +94,9 @@ pub struct AnnotatedFrame {
     pub marks: Vec<LabelledBlob>,
 }
 
-/// One thing found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelledBlob {
     pub blob: Blob,
-    /// The label: the colour's name or the track's id.
     pub text: String,
 }
 

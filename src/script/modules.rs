@@ -78,7 +78,6 @@ pub struct NoModule(pub String);
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ModuleFile {
-    /// The path with its extension, such as `lib/pid.lua`.
     pub file: String,
     /// The content, not checked yet.
     pub source: Vec<u8>,
@@ -215,7 +214,6 @@ impl Modules {
         at.map_or(MAIN, ModuleId)
     }
 
-    /// The folder of a module, relative to the behaviour's folder.
     pub(super) fn folder(&self, id: ModuleId) -> &str {
         self.key(id)
             .rsplit_once('/')

@@ -113,7 +113,6 @@ impl Motion {
         Some((current.motion, current.setpoint, current.since))
     }
 
-    /// Whether the current motion waits for the robot's queue.
     pub(super) fn waits(&self) -> bool {
         self.current.is_some_and(|current| current.waits)
     }

@@ -103,7 +103,6 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     })
 }
 
-/// `robot.frame()`: the newest frame, or nil.
 fn newest(call: &mut Call<'_>) -> NativeResult {
     robot::listen(call, EventName::Frame);
     let now = call.state.now;
@@ -120,7 +119,6 @@ fn wait_frame(call: &mut Call<'_>) -> NativeResult {
     robot::wait_for_event(call, EventName::Frame, time)
 }
 
-/// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
 fn save(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let name = call.args.get::<String>(0)?;
@@ -252,7 +250,6 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
     Ok(table)
 }
 
-/// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
 fn line(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let colours = Colours::parse(call, call.args.value(0))?;
@@ -292,7 +289,6 @@ fn line_mark(line: Line, part: Roi) -> LabelledBlob {
     mark(&blob, "line")
 }
 
-/// `frame:find_qrcodes()`: a list of `{text, corners}`.
 fn qrcodes(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let codes = call
@@ -327,7 +323,6 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Nativ
     call.reply(figure)
 }
 
-/// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
 fn pixel(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);

@@ -51,7 +51,6 @@ impl Tracks {
         }
     }
 
-    /// The speed of the faster track.
     fn fastest(self) -> f64 {
         self.left.abs().max(self.right.abs())
     }
@@ -201,7 +200,6 @@ fn pose(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("PoseEstimate", table))
 }
 
-/// `robot.dock{timeout=180, retries=2, charge_timeout=30}` returns `ok, code, {attempts, seconds}`.
 fn dock(call: &mut Call<'_>) -> NativeResult {
     let options = call.args.options(0)?;
     let plan = DockPlan {
@@ -218,7 +216,6 @@ fn dock(call: &mut Call<'_>) -> NativeResult {
     call.wait(Wait::Dock(id), None)
 }
 
-/// `robot.undock{timeout=20}` returns `ok, code`.
 fn undock(call: &mut Call<'_>) -> NativeResult {
     let timeout = call.args.options(0)?.get("timeout")?;
     if !may_move(call) {

@@ -34,8 +34,6 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     builder.namespace("params")
 }
 
-/// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
-/// values.
 fn declare(call: &mut Call<'_>) -> NativeResult {
     if call.state.declared_params.is_some() {
         let words = "it was called before; declare all parameters in one call";

@@ -70,7 +70,6 @@ fn led(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.blink(name, {on=0.2, off=0.2, count=3})` returns a Task.
 fn blink(call: &mut Call<'_>) -> NativeResult {
     let _: &[Led] = call.args.get(0)?;
     let options = call.args.options(1)?;
@@ -142,7 +141,6 @@ fn stream(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.battery()`: nil before the first report.
 fn battery(call: &mut Call<'_>) -> NativeResult {
     let table = call.state.robot.battery.map(|(battery, at)| {
         let age = call.state.now.saturating_duration_since(at);
@@ -151,7 +149,6 @@ fn battery(call: &mut Call<'_>) -> NativeResult {
     call.reply(table.transpose()?)
 }
 
-/// `robot.info()`: nil before the first connection.
 fn info(call: &mut Call<'_>) -> NativeResult {
     let Some(info) = &call.state.robot.info else {
         return call.reply(LuaValue::Nil);
@@ -206,7 +203,6 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
     call.reply(object)
 }
 
-/// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
 fn wait_for(call: &mut Call<'_>) -> NativeResult {
     let event = call.args.get(0)?;
     let time = call.args.get(1)?;

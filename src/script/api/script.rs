@@ -84,7 +84,7 @@ fn usage(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("Usage", table))
 }
 
-/// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
+/// The shim has already converted the text with `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
         return Err(call.args.misuse("the text is missing"));
@@ -192,20 +192,17 @@ fn store_set(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `store.delete(key)` returns whether the key existed.
 fn store_delete(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let was_there = call.state.store.delete(&key);
     call.reply(was_there)
 }
 
-/// `store.keys()`, sorted.
 fn store_keys(call: &mut Call<'_>) -> NativeResult {
     let keys = call.lua.create_sequence_from(call.state.store.keys())?;
     call.reply(keys)
 }
 
-/// `journal.add(kind, fields)`: returns whether there was room.
 fn journal_add(call: &mut Call<'_>) -> NativeResult {
     let kind = call.args.get::<String>(0)?;
     let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
@@ -234,7 +231,6 @@ fn journal_add(call: &mut Call<'_>) -> NativeResult {
     call.reply(kept)
 }
 
-/// `notify.send(text, {picture=})`: returns whether the message is within the daily limit.
 fn notify_send(call: &mut Call<'_>) -> NativeResult {
     let text = call.args.get::<String>(0)?;
     if text.trim().is_empty() {

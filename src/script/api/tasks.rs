@@ -59,7 +59,6 @@ pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
     })
 }
 
-/// `task.wait(seconds)` returns the seconds that passed.
 fn wait(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(0)?;
     call.may_wait()?;
@@ -67,7 +66,6 @@ fn wait(call: &mut Call<'_>) -> NativeResult {
     call.wait(Wait::Time { since }, Some(time))
 }
 
-/// `task.now()`: seconds since the script started.
 fn now(call: &mut Call<'_>) -> NativeResult {
     let time = call.state.now.saturating_duration_since(call.state.start);
     call.reply(time.as_secs_f64())
@@ -174,7 +172,6 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
     run_group(call, rule, children.collect(), None)
 }
 
-/// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
 fn timeout(call: &mut Call<'_>) -> NativeResult {
     let time: Duration = call.args.get(0)?;
     let function = call.args.get(1)?;
@@ -221,7 +218,6 @@ fn cancel(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `Task:join(timeout)` returns `ok, status`, for a failed task also its message.
 fn join(call: &mut Call<'_>) -> NativeResult {
     let handle = receiver(call)?;
     let time = call.args.get(0)?;

@@ -96,7 +96,6 @@ fn with_tracker<R>(
     work(call, &mut object)
 }
 
-/// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
 fn track(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
@@ -141,7 +140,6 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
     Ok(of_row("Track", table))
 }
 
-/// `Tracker:best()`: the one to follow, or nil.
 fn best(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         let track = object.tracker.best();
@@ -205,7 +203,6 @@ fn motion_table(lua: &Lua, score: f64, pixels: u32, blobs: &[Blob]) -> LuaResult
     Ok(of_row("Motion", table))
 }
 
-/// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
 fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
@@ -263,7 +260,6 @@ impl Colours {
         Ok(colours)
     }
 
-    /// The colour name of a blob; empty if its colour has no name.
     pub(super) fn name_of(&self, blob: &Blob) -> &str {
         let name = self.names.get(blob.colour).and_then(Option::as_deref);
         name.unwrap_or_default()
