@@ -173,6 +173,19 @@ mod tests {
         let fields = objects().map(|object| object.fields.len());
         let found = keys.chain(fields).sum::<usize>();
         assert_eq!(found, count("--. ") + count("--.. "));
+        let headlines = table::TEXT.lines();
+        for headline in headlines.filter_map(|line| line.strip_prefix("--- ")) {
+            let mut words = headline.split(' ');
+            let known: &[&str] = match words.next() {
+                Some("function") => &["waits", "pure"],
+                Some("namespace") => &["everywhere", "behaviours", "scenarios"],
+                Some("module" | "object" | "table") => &[],
+                Some("constant" | "event") => continue,
+                other => panic!("{other:?}"),
+            };
+            let are_known = words.skip(1).all(|word| known.contains(&word));
+            assert!(are_known, "{headline}");
+        }
         let named = EventName::ALL.iter().map(|event| event.name());
         assert!(events().map(|event| event.name).eq(named));
         let values = all_functions().flat_map(|one| one.parameters.iter().chain(one.returns));
