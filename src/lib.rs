@@ -47,8 +47,8 @@
 //!
 //! # How to add
 //!
-//! - **A call for scripts**: its row in the table of the API ([`api`]: name, arguments, bounds,
-//!   results) with an example in `api/examples.luau`, its native in [`script`], and, if the robot
+//! - **A call for scripts**: its row in the table of the API ([`api`], `api/namespaces.luau`: name,
+//!   arguments, bounds, results, an example), its native in [`script`], and, if the robot
 //!   has to do something, an `Intent` that `pilot/requests.rs` serves. `spykee api`, the editor's
 //!   definitions and the book's reference come from the table; a native without a row does not load.
 //! - **A command to the robot**, or **a report of it**: its section in `wire/PROTOCOL.md` with a byte

@@ -13,10 +13,11 @@ mod stop_confirmation;
 pub use agent_event::{
     AgentEvent, Bus, BusMessage, HostReport, Listener, TimedEvent, WatchdogState,
 };
+pub(crate) use event::named;
 pub use event::{
     DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd, SafetyAction,
 };
-pub use frame::{Detection, Detections, Frame, Pictures, StreamOff, Streams, Use, ViewerChannel};
+pub use frame::{Detection, Detections, Frame, Pictures, Streams, Use, ViewerChannel};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 use serde::{Deserialize, Serialize};
@@ -57,14 +58,11 @@ pub struct Priority(pub i16);
 /// The power of both tracks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setpoint {
-    /// Left track.
     pub left: TrackPower,
-    /// Right track.
     pub right: TrackPower,
 }
 
 impl Setpoint {
-    /// Both tracks at rest.
     pub const STOP: Setpoint = Setpoint {
         left: TrackPower::STOP,
         right: TrackPower::STOP,
@@ -77,7 +75,6 @@ impl Setpoint {
         Some(Setpoint { left, right })
     }
 
-    /// Whether both tracks are at rest.
     pub fn is_stop(self) -> bool {
         self == Setpoint::STOP
     }

@@ -143,7 +143,7 @@ fn field_type(function: &Function) -> String {
     let returns_payload = function.returns.iter().any(returns_payload);
     let cases: Vec<_> = super::events()
         .map(|event| {
-            let payload = event.payload.map_or("{}", |object| object.name);
+            let payload = event.payload.unwrap_or("{}");
             let one = function.luau_type(" -> ");
             let one = one.replacen("EventName", &format!("\"{}\"", event.name), 1);
             let one = one.replace("payload: any", &format!("payload: {payload}"));

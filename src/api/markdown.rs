@@ -3,7 +3,7 @@
 
 use std::fmt::Write as _;
 
-use super::model::{Function, Namespace, Object, Type, Value};
+use super::model::{Function, Namespace, Object, Type, Value, with_article};
 
 /// A page of the reference.
 #[derive(Debug)]
@@ -122,7 +122,7 @@ fn namespace(namespace: &'static Namespace) -> Page {
         name => format!("# {name}: {about}\n\n"),
     };
     if is_module {
-        example(&mut text, namespace.example());
+        example(&mut text, namespace.example);
     }
     constants(&mut text, namespace);
     each_function(&mut text, namespace.functions);
@@ -153,7 +153,7 @@ fn each_function(text: &mut String, functions: &[Function]) {
 fn constants(text: &mut String, namespace: &Namespace) {
     for constant in namespace.constants {
         let _ = writeln!(text, "## `{}`\n\n{}\n", constant.path, constant.doc);
-        example(text, constant.example());
+        example(text, constant.example);
     }
 }
 
@@ -176,7 +176,7 @@ fn function(text: &mut String, function: &Function) {
     if !(function.parameters.is_empty() && function.returns.is_empty() && function.rest.is_none()) {
         text.push('\n');
     }
-    example(text, function.example());
+    example(text, function.example);
 }
 
 fn result(value: &Value) -> String {
@@ -223,7 +223,7 @@ fn events() -> Page {
     for event in super::events() {
         let payload = event
             .payload
-            .map_or_else(|| "an empty table".to_owned(), Object::with_article);
+            .map_or_else(|| "an empty table".to_owned(), with_article);
         let _ = writeln!(text, "| `{}` | {} | {payload} |", event.name, event.doc);
     }
     text.push('\n');

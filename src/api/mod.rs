@@ -2,111 +2,48 @@
 //! `spykee api`, the editor's definitions and the book's reference come from them. A VM does not
 //! start if a native has no row, or a row has no native.
 
-mod events;
+mod choices;
 mod luau;
 mod markdown;
 mod model;
-mod modules;
 mod page;
-mod robot;
-mod scenario;
-mod script;
-mod vision;
+mod table;
 
-pub use events::EventName;
+pub use choices::EventName;
 pub use luau::{luau, module_stub};
 pub use markdown::{Page, pages};
 pub use model::{
     Availability, Bounds, Choice, Constant, Event, Function, Literal, Namespace, Object,
-    Requirement, Type, Value,
+    Requirement, Type, Value, with_article,
 };
 pub use page::{known, list, page, titles};
-pub use robot::LONGEST_DRIVE;
-pub use vision::PIXELS;
+
+use table::TABLE;
 
 /// The namespaces that are available without `require`. Those with an empty name hold the functions
 /// without a namespace.
 pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
-    const ALL: [&Namespace; 12] = [
-        &robot::ROBOT,
-        &script::TASKS,
-        &vision::VISION,
-        &script::LOG,
-        &script::CLOCK,
-        &script::SCRIPT,
-        &script::PARAMS,
-        &script::STORE,
-        &script::JOURNAL,
-        &script::NOTIFY,
-        &script::GLOBALS,
-        &scenario::SCENARIO,
-    ];
-    ALL.into_iter()
+    TABLE.namespaces.iter()
 }
 
+/// The documented modules. The modules that these use internally, such as `@spykee/compass`, are
+/// not documented.
 pub fn modules() -> impl Iterator<Item = &'static Namespace> {
-    modules::MODULES.into_iter()
+    TABLE.modules.iter()
 }
 
 /// Every kind of table and object that calls take or return and that events carry.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
-    const ALL: [&Object; 28] = [
-        &vision::FRAME,
-        &vision::BLOB,
-        &vision::TRACK,
-        &vision::TRACKER,
-        &vision::DETECTOR,
-        &vision::COLOUR,
-        &vision::LEARNED,
-        &script::TASK,
-        &robot::SUBSCRIPTION,
-        &events::BATTERY,
-        &events::POSE_ESTIMATE,
-        &events::INFO,
-        &events::DOCK_INFO,
-        &events::USAGE,
-        &script::DATE,
-        &vision::LINE,
-        &vision::QR_CODE,
-        &vision::CORNER,
-        &vision::MOTION,
-        &events::AUDIO,
-        &events::NOISE,
-        &events::CONNECTED,
-        &events::DISCONNECTED,
-        &events::CHARGING,
-        &events::SAFETY,
-        &events::DRIVE_GRANT,
-        &events::ENGINE,
-        &scenario::SIM,
-    ];
-    let more = scenario::TABLES.into_iter().chain(modules::OBJECTS);
-    ALL.into_iter().chain(more)
+    TABLE.objects.iter()
 }
 
 pub fn events() -> impl Iterator<Item = &'static Event> {
-    events::EVENTS.iter()
+    TABLE.events.iter()
 }
 
 /// Every set of names that arguments and results are taken from.
 pub fn choices() -> impl Iterator<Item = &'static Choice> {
-    use events::{
-        COLOUR_NAME, DOCK_CODE, EVENT, LIGHT, MOTION_CODE, QUEUE, SAFETY_ACTION, SOUND, STREAM,
-        TASK_STATUS,
-    };
-    const ALL: [&Choice; 10] = [
-        LIGHT,
-        SOUND,
-        STREAM,
-        EVENT,
-        QUEUE,
-        COLOUR_NAME,
-        MOTION_CODE,
-        DOCK_CODE,
-        SAFETY_ACTION,
-        TASK_STATUS,
-    ];
-    ALL.into_iter()
+    choices::CHOICES.iter()
 }
 
 /// Every function that is called without an object and without `require`.
@@ -196,38 +133,126 @@ pub fn elsewhere(name: &str, in_scenario: bool) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::DockPlan;
+    use crate::vision::{BlobOptions, MotionOptions, TrackerOptions};
 
     #[test]
     fn every_entry_has_a_description_and_functions_have_an_example() {
         for function in all_functions() {
             let path = function.path;
             assert!(function.doc.ends_with('.'), "{path}");
-            assert!(!function.example().is_empty(), "{path}");
+            assert!(!function.example.is_empty(), "{path}");
         }
         let objects = objects().map(|one| (one.name, one.doc));
         for (name, doc) in objects.chain(events().map(|one| (one.name, one.doc))) {
             assert!(doc.ends_with('.'), "{name}: {doc:?}");
         }
         for module in modules() {
-            assert!(
-                module
-                    .example()
-                    .contains(&format!("@spykee/{}", module.name))
-            );
+            assert!(module.example.contains(&format!("@spykee/{}", module.name)));
         }
     }
 
     #[test]
-    fn every_example_belongs_to_an_entry() {
-        for path in model::EXAMPLES.keys() {
-            let is_constant = constants().any(|one| one.path == *path);
-            let is_module = path
-                .strip_prefix("@spykee/")
-                .is_some_and(|name| module(name).is_some());
-            assert!(
-                function(path).is_some() || is_constant || is_module,
-                "{path}"
-            );
+    fn every_row_of_the_table_is_read() {
+        let count = |mark: &str| {
+            let lines = table::TEXT.lines();
+            lines.filter(|line| line.starts_with(mark)).count()
+        };
+        assert_eq!(all_functions().count(), count("--- function "));
+        assert_eq!(constants().count(), count("--- constant "));
+        let parameters = |one: &Function| one.parameters.len();
+        assert_eq!(
+            all_functions().map(parameters).sum::<usize>(),
+            count("--> ")
+        );
+        let returns = |one: &Function| one.returns.len();
+        assert_eq!(all_functions().map(returns).sum::<usize>(), count("--< "));
+        let rest = all_functions().filter(|one| one.rest.is_some());
+        assert_eq!(rest.count(), count("--* "));
+        let keys = all_functions().flat_map(|one| one.parameters).map(keys);
+        let fields = objects().map(|object| object.fields.len());
+        let found = keys.chain(fields).sum::<usize>();
+        assert_eq!(found, count("--. ") + count("--.. "));
+        let headlines = table::TEXT.lines();
+        for headline in headlines.filter_map(|line| line.strip_prefix("--- ")) {
+            let mut words = headline.split(' ');
+            let known: &[&str] = match words.next() {
+                Some("function") => &["waits", "pure"],
+                Some("namespace") => &["everywhere", "behaviours", "scenarios"],
+                Some("module" | "object" | "table") => &[],
+                Some("constant" | "event") => continue,
+                other => panic!("{other:?}"),
+            };
+            let are_known = words.skip(1).all(|word| known.contains(&word));
+            assert!(are_known, "{headline}");
+        }
+        let named = EventName::ALL.iter().map(|event| event.name());
+        assert!(events().map(|event| event.name).eq(named));
+        let values = all_functions().flat_map(|one| one.parameters.iter().chain(one.returns));
+        let fields = objects().flat_map(|object| object.fields);
+        for value in values.chain(fields) {
+            let words = value.describe();
+            assert!(!words.contains("NaN"), "{}: {words}", value.name);
+        }
+    }
+
+    /// The number of keys of a table, and of the tables in it.
+    fn keys(value: &Value) -> usize {
+        match value.kind {
+            Type::Options(all) | Type::Named(all) => {
+                all.len() + all.iter().map(keys).sum::<usize>()
+            }
+            _ => 0,
+        }
+    }
+
+    /// The natives read their options' defaults from the rows, other code uses constants.
+    #[test]
+    fn the_defaults_of_rows_are_those_of_the_code() {
+        let default = |path: &str, key: &str| {
+            let options = function(path).unwrap().parameters.last().unwrap();
+            let Type::Options(keys) = options.kind else {
+                panic!("{path} has no options");
+            };
+            let row = keys.iter().find(|row| row.name == key).unwrap();
+            match row.requirement {
+                Requirement::Default(literal) => literal.to_string(),
+                other => panic!("{path} {key}: {other:?}"),
+            }
+        };
+        let blobs = BlobOptions::DEFAULT;
+        let tracks = TrackerOptions::DEFAULT;
+        let motion = MotionOptions::DEFAULT;
+        let dock = DockPlan::DEFAULT;
+        for (path, key, usual) in [
+            ("Frame:find_blobs", "invert", blobs.invert.to_string()),
+            (
+                "Frame:find_blobs",
+                "area_threshold",
+                blobs.area_threshold.to_string(),
+            ),
+            (
+                "Frame:find_blobs",
+                "pixels_threshold",
+                blobs.pixels_threshold.to_string(),
+            ),
+            ("Frame:find_blobs", "merge", blobs.merge.to_string()),
+            ("Frame:find_blobs", "margin", blobs.margin.to_string()),
+            ("Frame:find_blobs", "max_blobs", blobs.max_blobs.to_string()),
+            ("vision.tracker", "min_age", tracks.min_age.to_string()),
+            ("vision.tracker", "max_lost", tracks.max_lost.to_string()),
+            ("vision.tracker", "max_jump", tracks.max_jump.to_string()),
+            ("vision.motion", "threshold", motion.threshold.to_string()),
+            ("vision.motion", "min_pixels", motion.min_pixels.to_string()),
+            ("robot.dock", "timeout", dock.timeout.as_secs().to_string()),
+            ("robot.dock", "retries", dock.retries.to_string()),
+            (
+                "robot.dock",
+                "charge_timeout",
+                dock.charge_timeout.as_secs().to_string(),
+            ),
+        ] {
+            assert_eq!(default(path, key), usual, "{path} {key}");
         }
     }
 
@@ -241,28 +266,22 @@ mod tests {
         assert_eq!(names.len(), count);
     }
 
-    /// Collects the names of all objects that a type refers to, including those in the objects' fields.
-    fn named(kind: &Type, found: &mut Vec<&'static str>) {
+    /// The object or table that a type names.
+    fn named(kind: &Type) -> Option<&'static str> {
         match kind {
-            Type::Object(object) => {
-                found.push(object.name);
-                let fields = object.fields.iter();
-                fields.for_each(|field| named(&field.kind, found));
-            }
-            Type::List(of) | Type::OneOrMore(of) => named(of, found),
-            _ => {}
+            Type::Object(name) => Some(name),
+            Type::List(of) | Type::OneOrMore(of) => named(of),
+            _ => None,
         }
     }
 
     #[test]
     fn every_object_of_calls_and_events_is_listed() {
-        let mut found = Vec::new();
-        for function in all_functions() {
-            let values = function.parameters.iter().chain(function.returns);
-            values.for_each(|value| named(&value.kind, &mut found));
-        }
+        let values = all_functions().flat_map(|one| one.parameters.iter().chain(one.returns));
+        let fields = objects().flat_map(|object| object.fields);
+        let named = values.chain(fields).filter_map(|value| named(&value.kind));
         let payloads = events().filter_map(|event| event.payload);
-        payloads.for_each(|object| named(&Type::Object(object), &mut found));
+        let found: Vec<_> = named.chain(payloads).collect();
         assert!(found.len() > 30);
         for name in found {
             assert!(object(name).is_some(), "{name}");

@@ -1,22 +1,6 @@
-//! The types that describe the API, with short constructors for the rows of its table.
+//! The types that describe the API.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::sync::LazyLock;
-
-/// The examples by the paths of their functions and constants, and by the names of modules. Each is
-/// preceded by a line `--- PATH`.
-pub(super) static EXAMPLES: LazyLock<BTreeMap<&str, &str>> = LazyLock::new(|| {
-    let sections = include_str!("examples.luau").split("--- ");
-    let sections = sections.filter_map(|section| section.split_once('\n'));
-    sections
-        .map(|(path, text)| (path, text.trim_end()))
-        .collect()
-});
-
-fn example(path: &str) -> &'static str {
-    EXAMPLES.get(path).copied().unwrap_or_default()
-}
 
 #[derive(Debug, Clone, Copy)]
 pub struct Function {
@@ -33,6 +17,8 @@ pub struct Function {
     pub pure: bool,
     /// A short description in whole sentences.
     pub doc: &'static str,
+    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
+    pub example: &'static str,
 }
 
 /// A parameter, an option, a result or a field.
@@ -90,8 +76,8 @@ pub enum Type {
     Range,
     /// A table of the script's, with any keys.
     Fields,
-    /// An object or a table of this kind.
-    Object(&'static Object),
+    /// An object or a table of the kind with this name.
+    Object(&'static str),
     List(&'static Type),
     OneOrMore(&'static Type),
     /// The payload of the event that the first argument names.
@@ -120,13 +106,8 @@ pub struct Constant {
     pub kind: Type,
     /// A short description in whole sentences.
     pub doc: &'static str,
-}
-
-impl Constant {
     /// A complete example that can be run.
-    pub fn example(&self) -> &'static str {
-        example(self.path)
-    }
+    pub example: &'static str,
 }
 
 /// A kind of table or object.
@@ -145,8 +126,8 @@ pub struct Object {
 #[derive(Debug, Clone, Copy)]
 pub struct Event {
     pub name: &'static str,
-    /// The table that handlers get; `None` if it is an empty table.
-    pub payload: Option<&'static Object>,
+    /// The name of the table that handlers get; `None` if it is an empty table.
+    pub payload: Option<&'static str>,
     /// A sentence that says when the event occurs.
     pub doc: &'static str,
 }
@@ -160,6 +141,8 @@ pub struct Namespace {
     pub functions: &'static [Function],
     /// Its fields that are not functions.
     pub constants: &'static [Constant],
+    /// For a module, an example of its use; otherwise empty.
+    pub example: &'static str,
 }
 
 /// The scripts that can use a namespace.
@@ -174,11 +157,6 @@ pub enum Availability {
 }
 
 impl Function {
-    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
-    pub fn example(&self) -> &'static str {
-        example(self.path)
-    }
-
     /// The last part of its path.
     pub fn key(&self) -> &'static str {
         self.path.rsplit(['.', ':']).next().unwrap_or(self.path)
@@ -274,49 +252,9 @@ impl Function {
         }
         text.replace("( [", "([") + ")"
     }
-
-    pub(super) const fn takes(self, parameters: &'static [Value]) -> Function {
-        Function { parameters, ..self }
-    }
-
-    pub(super) const fn returns(self, returns: &'static [Value]) -> Function {
-        Function { returns, ..self }
-    }
-
-    pub(super) const fn doc(self, doc: &'static str) -> Function {
-        Function { doc, ..self }
-    }
-
-    pub(super) const fn waiting(self) -> Function {
-        let waits = true;
-        Function { waits, ..self }
-    }
-
-    pub(super) const fn pure(self) -> Function {
-        let pure = true;
-        Function { pure, ..self }
-    }
-
-    /// Adds further arguments after the parameters, with their description.
-    pub(super) const fn with_rest(self, rest: &'static str) -> Function {
-        let rest = Some(rest);
-        Function { rest, ..self }
-    }
 }
 
 impl Object {
-    pub(super) const fn doc(self, doc: &'static str) -> Object {
-        Object { doc, ..self }
-    }
-
-    pub(super) const fn fields(self, fields: &'static [Value]) -> Object {
-        Object { fields, ..self }
-    }
-
-    pub(super) const fn methods(self, methods: &'static [Function]) -> Object {
-        Object { methods, ..self }
-    }
-
     pub fn members(&self) -> Vec<&'static str> {
         let fields = self.fields.iter().map(|field| field.name);
         fields
@@ -331,35 +269,16 @@ impl Object {
     pub fn method(&self, key: &str) -> Option<&'static Function> {
         self.methods.iter().find(|method| method.key() == key)
     }
+}
 
-    /// Its name with an article, such as `a Frame` or `an Info`.
-    pub fn with_article(&self) -> String {
-        let vowel = self.name.starts_with(['A', 'E', 'I', 'O', 'U']) && self.name != "Usage";
-        let article = if vowel { "an" } else { "a" };
-        format!("{article} {}", self.name)
-    }
+/// The name of an object with an article, such as `a Frame` or `an Info`.
+pub fn with_article(name: &str) -> String {
+    let vowel = name.starts_with(['A', 'E', 'I', 'O', 'U']) && name != "Usage";
+    let article = if vowel { "an" } else { "a" };
+    format!("{article} {name}")
 }
 
 impl Namespace {
-    pub(super) const fn functions(self, functions: &'static [Function]) -> Namespace {
-        Namespace { functions, ..self }
-    }
-
-    pub(super) const fn available(self, availability: Availability) -> Namespace {
-        Namespace {
-            availability,
-            ..self
-        }
-    }
-
-    /// For a module, an example of its use; otherwise empty.
-    pub fn example(&self) -> &'static str {
-        match self.availability {
-            Availability::Module => example(&format!("@spykee/{}", self.name)),
-            _ => "",
-        }
-    }
-
     pub fn function(&self, key: &str) -> Option<&'static Function> {
         self.functions.iter().find(|function| function.key() == key)
     }
@@ -423,39 +342,6 @@ impl Value {
         }
         words
     }
-
-    pub(super) const fn unit(self, unit: &'static str) -> Value {
-        Value { unit, ..self }
-    }
-
-    /// Marks the value as optional: it may be left out, or may be nil.
-    pub(super) const fn optional(self) -> Value {
-        Value {
-            requirement: Requirement::Optional,
-            ..self
-        }
-    }
-
-    pub(super) const fn required(self) -> Value {
-        Value {
-            requirement: Requirement::Required,
-            ..self
-        }
-    }
-
-    pub(super) const fn default(self, number: f64) -> Value {
-        Value {
-            requirement: Requirement::Default(Literal::Number(number)),
-            ..self
-        }
-    }
-
-    pub(super) const fn default_is(self, on: bool) -> Value {
-        Value {
-            requirement: Requirement::Default(Literal::Boolean(on)),
-            ..self
-        }
-    }
 }
 
 impl Type {
@@ -482,7 +368,7 @@ impl Type {
             Type::Roi => "Roi".to_owned(),
             Type::Range => "{ number }".to_owned(),
             Type::Fields => "{ [string]: any }".to_owned(),
-            Type::Object(object) => object.name.to_owned(),
+            Type::Object(name) => (*name).to_owned(),
             Type::List(of) => format!("{{ {} }}", of.luau()),
             Type::OneOrMore(of) => format!("({} | {{ {} }})", of.luau(), of.luau()),
             Type::Payload => "any".to_owned(),
@@ -516,7 +402,7 @@ impl Type {
             Type::Roi => "a table {x, y, w, h}".to_owned(),
             Type::Range => "two numbers {low, high}".to_owned(),
             Type::Fields => "a table of named values".to_owned(),
-            Type::Object(object) => object.with_article(),
+            Type::Object(name) => with_article(name),
             Type::List(of) => format!("a list, each {}", of.describe()),
             Type::OneOrMore(of) => format!("{}, or a list of them", of.describe()),
             Type::Payload => "the event's payload".to_owned(),
@@ -545,9 +431,6 @@ pub enum Bounds {
     Above(f64, f64),
 }
 
-/// How long a call may wait, in seconds: up to thirty days.
-pub(super) const SECONDS: Bounds = Bounds::Between(0.0, 30.0 * 86_400.0);
-
 impl Bounds {
     pub fn contains(self, number: f64) -> bool {
         match self {
@@ -563,113 +446,5 @@ impl Bounds {
             Bounds::Between(low, high) => format!("between {low} and {high}"),
             Bounds::Above(low, high) => format!("above {low} and at most {high}"),
         }
-    }
-}
-
-pub(super) const fn value(name: &'static str, kind: Type, doc: &'static str) -> Value {
-    Value {
-        name,
-        kind,
-        unit: "",
-        requirement: Requirement::Required,
-        doc,
-    }
-}
-
-pub(super) const fn number(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Number(None), doc)
-}
-
-pub(super) const fn bounded(name: &'static str, bounds: Bounds, doc: &'static str) -> Value {
-    value(name, Type::Number(Some(bounds)), doc)
-}
-
-pub(super) const fn whole(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Whole(None), doc)
-}
-
-/// A whole number from 0 to `most`.
-pub(super) const fn count(name: &'static str, most: u32, doc: &'static str) -> Value {
-    let bounds = Bounds::Between(0.0, most as f64);
-    value(name, Type::Whole(Some(bounds)), doc)
-}
-
-pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Boolean, doc)
-}
-
-pub(super) const fn text(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Text(None), doc)
-}
-
-/// A text of at most `most` bytes.
-pub(super) const fn short_text(name: &'static str, most: usize, doc: &'static str) -> Value {
-    value(name, Type::Text(Some(most)), doc)
-}
-
-pub(super) const fn choice(name: &'static str, of: &'static Choice, doc: &'static str) -> Value {
-    value(name, Type::Choice(of), doc)
-}
-
-pub(super) const fn object(name: &'static str, of: &'static Object, doc: &'static str) -> Value {
-    value(name, Type::Object(of), doc)
-}
-
-pub(super) const fn function(name: &'static str, luau: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Function(luau), doc)
-}
-
-pub(super) const fn options(keys: &'static [Value]) -> Value {
-    value("options", Type::Options(keys), "").optional()
-}
-
-/// `{low, high}`; the default is the full range.
-pub(super) const fn range(name: &'static str, full: Literal, doc: &'static str) -> Value {
-    Value {
-        requirement: Requirement::Default(full),
-        ..value(name, Type::Range, doc)
-    }
-}
-
-/// A function without parameters and results.
-pub(super) const fn call(path: &'static str) -> Function {
-    Function {
-        path,
-        parameters: &[],
-        rest: None,
-        returns: &[],
-        waits: false,
-        pure: false,
-        doc: "",
-    }
-}
-
-/// A table, or an object in which scripts may store their own values.
-pub(super) const fn table(name: &'static str) -> Object {
-    Object {
-        name,
-        doc: "",
-        fields: &[],
-        methods: &[],
-        strict: false,
-    }
-}
-
-/// An object for which reading an unknown name is an error.
-pub(super) const fn strict(name: &'static str) -> Object {
-    Object {
-        strict: true,
-        ..table(name)
-    }
-}
-
-/// A namespace that behaviours have without `require`.
-pub(super) const fn namespace(name: &'static str, about: &'static str) -> Namespace {
-    Namespace {
-        name,
-        about,
-        availability: Availability::Behaviour,
-        functions: &[],
-        constants: &[],
     }
 }

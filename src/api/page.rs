@@ -2,8 +2,10 @@
 
 use std::fmt::Write as _;
 
-use super::model::{Availability, Constant, Event, Function, Namespace, Object, Type, Value};
-use super::{all_functions, choices, constants, events, modules, namespaces, objects};
+use super::model::{
+    Availability, Constant, Event, Function, Namespace, Object, Type, Value, with_article,
+};
+use super::{all_functions, choices, constants, events, modules, namespaces, object, objects};
 
 /// Returns every entry with this name: a function, namespace, module, object, field, event,
 /// constant or set of names. `events`, `objects` and `modules` return lists. Letter case does not
@@ -116,8 +118,8 @@ fn of_namespace(namespace: &Namespace) -> String {
         text.push('\n');
         text += &of_object(object);
     }
-    if !namespace.example().is_empty() {
-        example(&mut text, namespace.example());
+    if !namespace.example.is_empty() {
+        example(&mut text, namespace.example);
     }
     text
 }
@@ -129,7 +131,7 @@ fn made_by(namespace: &Namespace) -> Vec<&'static Object> {
     }
     let returns = namespace.functions.iter().flat_map(|one| one.returns);
     let objects = returns.filter_map(|value| match value.kind {
-        Type::Object(object) => Some(object),
+        Type::Object(name) => object(name),
         _ => None,
     });
     objects.collect()
@@ -170,14 +172,14 @@ fn of_function(function: &Function) -> String {
         }
     }
     section(&mut text, "returns", function.returns);
-    example(&mut text, function.example());
+    example(&mut text, function.example);
     text
 }
 
 fn of_constant(constant: &Constant) -> String {
     let kind = constant.kind.luau();
     let mut text = format!("{}: {kind}\n\n{}\n", constant.path, constant.doc);
-    example(&mut text, constant.example());
+    example(&mut text, constant.example);
     text
 }
 
@@ -196,7 +198,7 @@ fn of_object(object: &Object) -> String {
 fn of_event(event: &Event) -> String {
     let name = event.name;
     let payload = match event.payload {
-        Some(object) => format!("Handlers get {}", object.with_article()),
+        Some(name) => format!("Handlers get {}", with_article(name)),
         None => "Handlers get an empty table".to_owned(),
     };
     format!(

@@ -16,7 +16,6 @@ pub enum Severity {
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
-    /// The file, as it was named by the caller.
     pub file: String,
     /// The line, from 1.
     pub line: u32,
@@ -32,7 +31,6 @@ pub struct Diagnostic {
     pub source: String,
 }
 
-/// A source with the name of its file in messages.
 #[derive(Clone, Copy)]
 pub(crate) struct SourceText<'a> {
     pub(crate) file: &'a str,

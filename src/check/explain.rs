@@ -189,6 +189,16 @@ impl<'a> ErrorSite<'a> {
         short.trim().to_owned()
     }
 
+    /// The first of the line's expressions for which this returns something.
+    fn expr<T>(&self, of: impl Fn(&'a Expr) -> Option<T>) -> Option<T> {
+        self.exprs.iter().copied().find_map(of)
+    }
+
+    fn statement<T>(&self, of: impl Fn(&'a StatementKind) -> Option<T>) -> Option<T> {
+        let mut statements = self.statements.iter();
+        statements.find_map(|statement| of(&statement.kind))
+    }
+
     fn explanation(&self, words: &str) -> Option<Diagnostic> {
         if let Some(rest) = words.strip_prefix("attempt to index ") {
             let (what, with) = rest.split_once(" with ")?;
@@ -365,14 +375,7 @@ fn may_be_nil(kind: ValueKind<'_>, expr: &Expr) -> bool {
             ExprKind::Number(_) | ExprKind::Text(_) | ExprKind::Boolean(_) | ExprKind::Pieces(_),
         ) => false,
         (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
-        (
-            ValueKind::Object(_)
-            | ValueKind::List(_)
-            | ValueKind::Number(_)
-            | ValueKind::Text(_)
-            | ValueKind::Boolean,
-            _,
-        ) => true,
+        _ => true,
     }
 }
 
@@ -427,8 +430,7 @@ impl<'a> ErrorSite<'a> {
     }
 
     fn missing_method(&self, name: &str) -> Option<Diagnostic> {
-        let mut exprs = self.exprs.iter();
-        exprs.find_map(|expr| match &expr.kind {
+        self.expr(|expr| match &expr.kind {
             ExprKind::Method(object, method, at, _) if method == name => {
                 let message = format!("`{}` has no function `{name}`", self.text(object));
                 Some(self.error(*at, message).help("check its spelling"))
@@ -438,9 +440,8 @@ impl<'a> ErrorSite<'a> {
     }
 
     fn call(&self, what: &str) -> Option<Diagnostic> {
-        let mut exprs = self.exprs.iter();
-        let callee = exprs.find_map(|expr| match &expr.kind {
-            ExprKind::Call(callee, _) => self.may_be(callee, what).then_some(&**callee),
+        let callee = self.expr(|expr| match &expr.kind {
+            ExprKind::Call(callee, _) if self.may_be(callee, what) => Some(&**callee),
             _ => None,
         })?;
         let help = match (&callee.kind, what) {
@@ -559,15 +560,12 @@ impl<'a> ErrorSite<'a> {
         let joins = |what: &str| matches!(what, "string" | "number");
         let what = if joins(left) { right } else { left };
         let leaves = self.joined(what);
-        let statement = self
-            .statements
-            .iter()
-            .find_map(|statement| match &statement.kind {
-                StatementKind::Compound(a, operator, b) if operator == ".." => {
-                    Some(if joins(left) { b } else { a })
-                }
-                _ => None,
-            });
+        let statement = self.statement(|kind| match kind {
+            StatementKind::Compound(a, operator, b) if operator == ".." => {
+                Some(if joins(left) { b } else { a })
+            }
+            _ => None,
+        });
         let side = leaves.first().copied().or(statement)?;
         if leaves.len() > 1 && what == "nil" {
             let names: Vec<_> = leaves
@@ -592,7 +590,7 @@ impl<'a> ErrorSite<'a> {
     }
 
     fn length(&self, what: &str) -> Option<Diagnostic> {
-        let side = self.exprs.iter().find_map(|expr| match &expr.kind {
+        let side = self.expr(|expr| match &expr.kind {
             ExprKind::Unary(operator, operand) if operator == "#" && self.may_be(operand, what) => {
                 Some(&**operand)
             }
@@ -602,13 +600,10 @@ impl<'a> ErrorSite<'a> {
     }
 
     fn iterate(&self, what: &str) -> Option<Diagnostic> {
-        let list = self
-            .statements
-            .iter()
-            .find_map(|statement| match &statement.kind {
-                StatementKind::Each(_, values, _) => values.first(),
-                _ => None,
-            })?;
+        let list = self.statement(|kind| match kind {
+            StatementKind::Each(_, values, _) => values.first(),
+            _ => None,
+        })?;
         let explanation = self.operand(list, what, "so a loop cannot go through it");
         if what != "number" {
             return Some(explanation);
@@ -618,13 +613,10 @@ impl<'a> ErrorSite<'a> {
 
     /// `initial value must be a number`, in the VM's words.
     fn count(&self, words: &str) -> Option<Diagnostic> {
-        let values = self
-            .statements
-            .iter()
-            .find_map(|statement| match &statement.kind {
-                StatementKind::Count(_, values, _) => Some(values),
-                _ => None,
-            })?;
+        let values = self.statement(|kind| match kind {
+            StatementKind::Count(_, values, _) => Some(values),
+            _ => None,
+        })?;
         let (at, which) = match words {
             words if words.starts_with("initial") => (0, "begins"),
             words if words.starts_with("limit") => (1, "ends"),
@@ -647,18 +639,14 @@ impl<'a> ErrorSite<'a> {
         let (number, rest) = rest.split_once(" to '")?;
         let (name, rest) = rest.split_once('\'')?;
         let detail = rest.trim().trim_start_matches('(').trim_end_matches(')');
-        let (callee, arguments, method) = self.exprs.iter().find_map(|expr| match &expr.kind {
-            ExprKind::Call(callee, arguments) => {
-                let ends = callee.span.of(self.source.text).rsplit(['.', ':']).next() == Some(name);
-                ends.then_some((callee.span, arguments, false))
-            }
-            ExprKind::Method(_, method, at, arguments) if method == name => {
-                Some((*at, arguments, true))
-            }
-            _ => None,
-        })?;
+        let (whole, arguments) = self.call_of(name)?;
+        let (callee, is_method) = match &whole.kind {
+            ExprKind::Method(_, _, at, _) => (*at, true),
+            ExprKind::Call(callee, _) => (callee.span, false),
+            _ => return None,
+        };
         let number: usize = number.parse().ok()?;
-        let number = number - usize::from(method && number > 1);
+        let number = number - usize::from(is_method && number > 1);
         let (wanted, got) = detail.split_once(" expected").unwrap_or((detail, ""));
         let got = got.split("got ").nth(1).unwrap_or("nothing");
         let path = callee.of(self.source.text);
@@ -676,19 +664,30 @@ impl<'a> ErrorSite<'a> {
         Some(self.error(at, message).help(help))
     }
 
+    /// The first call on the line of a function or method whose name ends so, and its arguments.
+    fn call_of(&self, name: &str) -> Option<(&'a Expr, &'a [Expr])> {
+        self.expr(|expr| match &expr.kind {
+            ExprKind::Call(callee, arguments) => {
+                let path = callee.span.of(self.source.text);
+                if path.rsplit(['.', ':']).next() == Some(name) {
+                    Some((expr, arguments.as_slice()))
+                } else {
+                    None
+                }
+            }
+            ExprKind::Method(_, method, _, arguments) if method == name => {
+                Some((expr, arguments.as_slice()))
+            }
+            _ => None,
+        })
+    }
+
     /// `robot.move: left must be ...`: the caret goes below the argument.
     fn api(&self, words: &str) -> Option<Diagnostic> {
         let (path, rest) = words.split_once(": ")?;
         let function = api::function(path)?;
         let key = function.key();
-        let (whole, arguments) = self.exprs.iter().find_map(|expr| match &expr.kind {
-            ExprKind::Call(callee, arguments) => {
-                let ends = callee.span.of(self.source.text).rsplit(['.', ':']).next() == Some(key);
-                ends.then_some((*expr, arguments))
-            }
-            ExprKind::Method(_, name, _, arguments) if name == key => Some((*expr, arguments)),
-            _ => None,
-        })?;
+        let (whole, arguments) = self.call_of(key)?;
         let named = function.parameters.iter().position(|parameter| {
             let what = format!("{} ", parameter.label());
             let rest = rest.strip_prefix("unknown ").unwrap_or(rest);

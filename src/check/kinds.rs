@@ -44,7 +44,7 @@ impl ValueKind<'_> {
             ValueKind::Function(_) | ValueKind::Native(_) => "a function".to_owned(),
             ValueKind::Namespace(name) => format!("all of {name}"),
             ValueKind::Module(module) => format!("the module {}", module.name),
-            ValueKind::Object(object) => object.with_article(),
+            ValueKind::Object(object) => api::with_article(object.name),
             ValueKind::List(_) => "a list".to_owned(),
         })
     }
@@ -82,7 +82,6 @@ impl<'a> Kinds<'a> {
         kinds
     }
 
-    /// Records the names that a statement sets.
     fn note_names(&mut self, statement: &'a Statement) {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
@@ -261,7 +260,9 @@ impl<'a> Kinds<'a> {
             return ValueKind::Unknown;
         };
         let payload = api::event(name).and_then(|event| event.payload);
-        payload.map_or(ValueKind::Unknown, ValueKind::Object)
+        payload
+            .and_then(api::object)
+            .map_or(ValueKind::Unknown, ValueKind::Object)
     }
 
     /// Returns what a call calls; a method of the API is a [`ValueKind::Native`], too.
@@ -306,7 +307,6 @@ impl<'a> Kinds<'a> {
 }
 
 impl ValueKind<'_> {
-    /// Returns the kind without its constant value.
     fn of_any_value(self) -> Self {
         match self {
             ValueKind::Number(_) => ValueKind::Number(None),
@@ -322,7 +322,6 @@ pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
     table.entries().iter().map(Entry::name).collect()
 }
 
-/// Returns the value of a key of a table constructor.
 fn value_of<'a>(table: &'a Expr, key: &str) -> Option<&'a Expr> {
     let mut entries = table.entries().iter();
     entries
@@ -346,7 +345,7 @@ pub(super) fn of_type<'a>(kind: Type) -> ValueKind<'a> {
         Type::Boolean => ValueKind::Boolean,
         Type::Number(_) | Type::Whole(_) => ValueKind::Number(None),
         Type::Text(_) | Type::Choice(_) => ValueKind::Text(None),
-        Type::Object(object) => ValueKind::Object(object),
+        Type::Object(name) => api::object(name).map_or(ValueKind::Unknown, ValueKind::Object),
         Type::List(of) => ValueKind::List(of),
         _ => ValueKind::Unknown,
     }

@@ -1,7 +1,6 @@
 //! The lexer: splits Luau source text into tokens. Never fails: what is not a Luau token becomes
 //! [`TokenKind::Stray`], and [`super::syntax`] may know what was meant.
 
-/// A range of the source, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Span {
     pub(crate) start: usize,
@@ -101,9 +100,9 @@ impl Lexer<'_> {
             Some('0'..='9') => self.number(),
             Some('.') if self.byte(1).is_ascii_digit() => self.number(),
             Some(quote @ ('"' | '\'')) => self.text(quote as u8),
-            Some('`') => self.piece(),
+            Some('`') => self.text(b'`'),
             Some('[') if self.long_bracket().is_some() => self.long_text(),
-            Some('}') if self.braces.pop() == Some(true) => self.piece(),
+            Some('}') if self.braces.pop() == Some(true) => self.text(b'`'),
             Some(c) => self.symbol(c),
         };
         let span = Span {
@@ -166,13 +165,25 @@ impl Lexer<'_> {
         }
     }
 
+    /// Reads a string, or a piece of an interpolated one, which starts at its backtick or closing
+    /// brace.
     fn text(&mut self, quote: u8) -> TokenKind {
+        let is_piece = quote == b'`';
         self.at += 1;
         loop {
             match self.byte(0) {
-                byte if byte == quote && self.at < self.source.len() => {
+                byte if byte == quote => {
                     self.at += 1;
-                    return TokenKind::Text;
+                    return if is_piece {
+                        TokenKind::PieceLast
+                    } else {
+                        TokenKind::Text
+                    };
+                }
+                b'{' if is_piece => {
+                    self.at += 1;
+                    self.braces.push(true);
+                    return TokenKind::PieceBefore;
                 }
                 b'\\' => self.skip_escape(),
                 b'\n' | b'\r' => return TokenKind::Unfinished,
@@ -190,28 +201,6 @@ impl Lexer<'_> {
         }
         if z {
             self.at += self.rest().len() - self.rest().trim_start().len();
-        }
-    }
-
-    /// Reads a piece of an interpolated string, starting at its backtick or closing brace.
-    fn piece(&mut self) -> TokenKind {
-        self.at += 1;
-        loop {
-            match self.byte(0) {
-                b'`' => {
-                    self.at += 1;
-                    return TokenKind::PieceLast;
-                }
-                b'{' => {
-                    self.at += 1;
-                    self.braces.push(true);
-                    return TokenKind::PieceBefore;
-                }
-                b'\\' => self.skip_escape(),
-                b'\n' | b'\r' => return TokenKind::Unfinished,
-                _ if self.at >= self.source.len() => return TokenKind::Unfinished,
-                _ => self.at += 1,
-            }
         }
     }
 

@@ -81,7 +81,7 @@ impl CheckContext {
     fn missing_module(&self, path: &str) -> Option<String> {
         let beside = path.starts_with("./") || path.starts_with("../");
         if !beside {
-            return resolve("", path).err().map(|why| why.to_string());
+            return resolve("", path).err();
         }
         let folder = self.file.as_ref()?.parent()?;
         let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
@@ -323,11 +323,8 @@ mod tests {
             api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
         let functions = of_behaviours.flat_map(|one| one.functions);
         let methods = api::methods().filter(|one| one.owner() != "sim");
-        let functions = functions
-            .chain(methods)
-            .map(|one| (one.path, one.example()));
-        for (path, example) in
-            functions.chain(api::constants().map(|one| (one.path, one.example())))
+        let functions = functions.chain(methods).map(|one| (one.path, one.example));
+        for (path, example) in functions.chain(api::constants().map(|one| (one.path, one.example)))
         {
             let source =
                 format!("local function see(frame)\n{example}\nend\nrobot.on('frame', see)");

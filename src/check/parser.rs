@@ -9,12 +9,8 @@ use super::tree::{
     Block, Body, Entry, Expr, ExprKind, Local, LocalId, MAX_DEPTH, Statement, StatementKind, Tree,
 };
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct ParseError {
-    pub(super) at: Span,
-}
-
-type Parsed<T> = Result<T, ParseError>;
+/// A failure is the place of what the parser does not understand.
+type Parsed<T> = Result<T, Span>;
 
 /// Binary operators with their left and right binding power.
 const OPERATORS: [(&str, u8, u8); 16] = [
@@ -115,10 +111,8 @@ impl<'a> Parser<'a> {
         Err(self.parse_error())
     }
 
-    fn parse_error(&self) -> ParseError {
-        ParseError {
-            at: self.token().span,
-        }
+    fn parse_error(&self) -> Span {
+        self.token().span
     }
 
     fn name(&mut self) -> Parsed<(&'a str, Span)> {

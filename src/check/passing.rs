@@ -61,34 +61,20 @@ mod tests {
 
     use super::super::{CheckContext, check, explain};
     use crate::script::Options;
-    use crate::script::tests::failure_with;
+    use crate::script::tests::{cases, failure_with};
 
     const WAKE: &str = "local function wake() print('awake') end\n";
+    const MODULE: &str = "local bt = require('@spykee/bt') local function yes() return true end ";
 
     #[test]
     fn check_writes_out_how_a_function_is_passed() {
-        for (line, help) in [
-            (
-                "robot.on('noise', wake())",
-                ", to be called later: robot.on('noise', wake)",
-            ),
-            (
-                "task.spawn(wake())",
-                ", to be called later: task.spawn(wake)",
-            ),
-            (
-                "task.every(1, wake())",
-                ", to be called later: task.every(1, wake)",
-            ),
-            (
-                "robot.on('noise', robot.led('left', true))",
-                "pass a function: function() robot.led('left', true) end",
-            ),
-            (
-                "task.spawn(robot.move(40, 40, 1))",
-                "pass a function: function() robot.move(40, 40, 1) end",
-            ),
-        ] {
+        for (line, help) in cases(
+            "robot.on('noise', wake()) => to be called later: robot.on('noise', wake)
+             task.spawn(wake()) => to be called later: task.spawn(wake)
+             task.every(1, wake()) => to be called later: task.every(1, wake)
+             robot.on('noise', robot.led('left', true)) => pass a function: function() robot.led('left', true) end
+             task.spawn(robot.move(40, 40, 1)) => pass a function: function() robot.move(40, 40, 1) end",
+        ) {
             let context = CheckContext::new(&Options::new("test", "test.lua"), None);
             let found = check(format!("{WAKE}{line}").as_bytes(), "test.lua", &context);
             let helps: Vec<&str> = found.iter().filter_map(|one| one.help.as_deref()).collect();
@@ -142,46 +128,19 @@ mod tests {
 
     #[test]
     fn a_failed_run_says_the_same() {
-        let module = "local bt = require('@spykee/bt') local function yes() return true end ";
-        for (line, help) in [
-            (
-                "local function id(x) return x end robot.on('noise', id())".to_owned(),
-                "to be called later: robot.on('noise', id)",
-            ),
-            (
-                "local function five() return 5 end task.spawn(five())".to_owned(),
-                "to be called later: task.spawn(five)",
-            ),
-            (
-                "task.race(wake(), wake)".to_owned(),
-                "to be called later: task.race(wake, wake)",
-            ),
-            (
-                format!("{module}bt.sequence(yes, yes())"),
-                "to be called later: bt.sequence(yes, yes)",
-            ),
-            (
-                format!("{module}bt.parallel({{}}, wake(), yes)"),
-                "to be called later: bt.parallel({}, wake, yes)",
-            ),
-            (
-                format!("{module}bt.retry(2, yes())"),
-                "to be called later: bt.retry(2, yes)",
-            ),
-            (
-                format!("{module}bt.sequence(yes, yes(1))"),
-                "pass a function: function() return yes(1) end",
-            ),
-            (
-                format!("{module}bt.retry(2, (yes(1)))"),
-                "pass a function: function() return yes(1) end",
-            ),
-            (
-                format!("{module}bt.guard(yes(), yes)"),
-                "to be called later: bt.guard(yes, yes)",
-            ),
-        ] {
-            let text = failure_with(&format!("{WAKE}{line}"), explain);
+        for (line, help) in cases(
+            "local function id(x) return x end robot.on('noise', id()) => to be called later: robot.on('noise', id)
+             local function five() return 5 end task.spawn(five()) => to be called later: task.spawn(five)
+             task.race(wake(), wake) => to be called later: task.race(wake, wake)
+             bt.sequence(yes, yes()) => to be called later: bt.sequence(yes, yes)
+             bt.parallel({}, wake(), yes) => to be called later: bt.parallel({}, wake, yes)
+             bt.retry(2, yes()) => to be called later: bt.retry(2, yes)
+             bt.sequence(yes, yes(1)) => pass a function: function() return yes(1) end
+             bt.retry(2, (yes(1))) => pass a function: function() return yes(1) end
+             bt.guard(yes(), yes) => to be called later: bt.guard(yes, yes)",
+        ) {
+            let module = if line.starts_with("bt.") { MODULE } else { "" };
+            let text = failure_with(&format!("{WAKE}{module}{line}"), explain);
             assert!(text.starts_with("test.lua:2: "), "{line}: {text}");
             assert!(text.ends_with(help), "{line}: {text}");
         }

@@ -84,8 +84,7 @@ pub(super) fn refused(
         }
         declared.insert(name.clone(), declaration);
     }
-    let set = set_given(&mut declared, given);
-    set.err().map(|error| error.to_string())
+    set_given(&mut declared, given).err()
 }
 
 fn declaration(kinds: &Kinds<'_>, name: &str, about: &Expr) -> Option<DeclaredParam> {

@@ -108,10 +108,10 @@ impl ErrorSite<'_> {
 
     /// Where our own parser failed, if that is on the line; otherwise the whole line.
     fn location(&self) -> Span {
-        if let Err(error) = parser::parse(self.source.text)
-            && self.line_at(error.at.start) == self.line
+        if let Err(failed_at) = parser::parse(self.source.text)
+            && self.line_at(failed_at.start) == self.line
         {
-            return error.at;
+            return failed_at;
         }
         self.whole_line()
     }

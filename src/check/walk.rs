@@ -459,7 +459,7 @@ impl<'a> Walk<'a> {
             return;
         }
         let near = self.near(name, known.iter().copied());
-        let message = format!("{} has no '{name}'{near}", object.with_article());
+        let message = format!("{} has no '{name}'{near}", api::with_article(object.name));
         self.error(at, message, format!("it has {}", known.join(", ")));
     }
 
@@ -640,5 +640,8 @@ fn belongs_to(name: &str, known: &BTreeSet<String>) -> Option<String> {
     let mut objects =
         api::objects().filter(|object| known.contains(api::SCENARIO) || object.name != SIM);
     let owner = objects.find(|object| object.method(name).is_some())?;
-    Some(format!("{name} is a function of {}", owner.with_article()))
+    Some(format!(
+        "{name} is a function of {}",
+        api::with_article(owner.name)
+    ))
 }

@@ -77,7 +77,7 @@ fn json() -> Json {
     let functions: Vec<_> = functions.map(function_json).collect();
     let modules: Vec<_> = api::modules().map(module_json).collect();
     let constants: Vec<_> = api::constants()
-        .map(|one| json!({ "path": one.path, "type": one.kind.luau(), "doc": one.doc, "example": one.example() }))
+        .map(|one| json!({ "path": one.path, "type": one.kind.luau(), "doc": one.doc, "example": one.example }))
         .collect();
     let objects: Vec<_> = api::objects()
         .map(|one| {
@@ -88,7 +88,7 @@ fn json() -> Json {
         })
         .collect();
     let events: Vec<_> = api::events()
-        .map(|one| json!({ "name": one.name, "payload": one.payload.map(|object| object.name), "doc": one.doc }))
+        .map(|one| json!({ "name": one.name, "payload": one.payload, "doc": one.doc }))
         .collect();
     let choices: serde_json::Map<_, _> = api::choices()
         .map(|one| (one.name.to_owned(), json!((one.names)())))
@@ -104,7 +104,7 @@ fn module_json(module: &Namespace) -> Json {
         "path": format!("@spykee/{}", module.name),
         "doc": module.about,
         "functions": module.functions.iter().map(function_json).collect::<Vec<_>>(),
-        "example": module.example(),
+        "example": module.example,
     })
 }
 
@@ -117,7 +117,7 @@ fn function_json(function: &Function) -> Json {
         "returns": values_json(function.returns),
         "waits": function.waits,
         "doc": function.doc,
-        "example": function.example(),
+        "example": function.example,
     })
 }
 

@@ -11,16 +11,13 @@ use tokio::time::Instant;
 
 use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
 
-/// The state of the watchdog.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WatchdogState {
-    /// No link.
     #[default]
     Offline,
     /// Free to move.
     Free,
-    /// On the station.
     Docked,
     /// A behaviour sends the robot home.
     Docking,
@@ -43,48 +40,35 @@ impl std::fmt::Display for WatchdogState {
     }
 }
 
-/// Something that has happened.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case")]
 pub enum AgentEvent {
-    /// Logged in to the robot.
     LinkUp {
-        /// The robot's identity, as it reports it.
         #[serde(flatten)]
         robot: RobotInfo,
-        /// Whether it is on its station.
         docked: bool,
     },
-    /// The link is lost.
     LinkDown {
-        /// The reason, in words.
         reason: String,
     },
     /// The believed level or charging state has changed; also sent once after each login.
     Battery(Battery),
     /// The watchdog's state has changed, or what it believes of the battery or the station.
     Watchdog {
-        /// Its state.
         state: WatchdogState,
         /// The battery is low, and the watchdog controls the robot.
         low: bool,
-        /// On the station, as far as known.
         docked: bool,
     },
-    /// The watchdog acted.
     Safety {
-        /// What it did.
         action: SafetyAction,
-        /// Why, in words.
         reason: String,
     },
     /// A docking has ended; each attempt of a robot with a low battery counts as one.
     Dock {
         /// The behaviour that asked for it; `None`: the watchdog.
         by: Option<String>,
-        /// How it ended.
         end: DockEnd,
-        /// Attempts made.
         attempts: u32,
         /// Time from its start, in seconds.
         seconds: f64,
@@ -93,70 +77,51 @@ pub enum AgentEvent {
     Undock {
         /// The behaviour that asked for it.
         by: String,
-        /// How it ended.
         end: DockEnd,
     },
-    /// A behaviour has started with its first line.
     Started {
-        /// Its name.
         behaviour: String,
     },
     /// A behaviour has ended, or could not begin.
     Ended {
-        /// Its name.
         behaviour: String,
-        /// How it ended.
         reason: EndReason,
         /// For people: with file and line if it failed.
         message: Option<String>,
-        /// How long it ran.
         seconds: f64,
     },
     /// A behaviour has failed too often and is not started again.
     GivenUp {
-        /// Its name.
         behaviour: String,
         /// How it failed last.
         message: String,
     },
     /// A start in the timetable did not take place.
     StartMissed {
-        /// The behaviour.
         behaviour: String,
-        /// Why.
         reason: String,
     },
     /// A person has pressed STOP: the robot stands until a person releases it.
     StopEngaged {
-        /// Who.
         by: String,
     },
-    /// A person has released STOP.
     StopReset {
-        /// Who.
         by: String,
     },
-    /// A behaviour has saved a picture.
     Picture {
-        /// Its name.
         behaviour: String,
-        /// The file.
         path: PathBuf,
     },
     /// A behaviour adds an entry to the journal.
     Entry {
-        /// Its name.
         behaviour: String,
         /// The kind, a word that the behaviour chooses.
         kind: String,
         /// The entry's data; an object.
         data: Value,
     },
-    /// A behaviour sends a notification.
     Notify {
-        /// Its name.
         behaviour: String,
-        /// The text.
         text: String,
         /// A picture that it saved.
         picture: Option<PathBuf>,
@@ -192,20 +157,14 @@ impl AgentEvent {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum HostReport {
     /// It has saved a picture in its data folder.
-    Picture {
-        /// The file's name.
-        name: String,
-    },
-    /// An entry for the journal.
+    Picture { name: String },
     Entry {
         /// The kind, a word that the script chooses.
         kind: String,
         /// A JSON object.
         json: String,
     },
-    /// A notification.
     Notify {
-        /// The text.
         text: String,
         /// The name of a file in its data folder.
         picture: Option<String>,
@@ -215,12 +174,9 @@ pub enum HostReport {
 /// The most events that a listener may be behind.
 const MAX_WAITING: usize = 1024;
 
-/// An event and its time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimedEvent {
-    /// When it happened.
     pub at: Instant,
-    /// What happened.
     pub what: AgentEvent,
 }
 
@@ -248,14 +204,11 @@ impl Bus {
     }
 }
 
-/// A listener's end.
 #[derive(Debug)]
 pub struct Listener(broadcast::Receiver<Arc<TimedEvent>>);
 
-/// What a listener receives.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BusMessage {
-    /// Something has happened.
     Event(Arc<TimedEvent>),
     /// The listener was too slow: this many events are lost.
     Missed(u64),

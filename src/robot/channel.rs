@@ -17,24 +17,16 @@ pub const MAX_EVENTS: usize = 256;
 /// A supervisor's request to the pilot.
 #[derive(Debug)]
 pub enum Request {
-    /// A behaviour has started.
     Join {
-        /// Its number.
         by: BehaviourId,
-        /// Its name for people.
         name: String,
-        /// Its priority.
         priority: Priority,
-        /// Its role.
         role: Role,
-        /// The channel for its events.
         events: EventSender,
     },
-    /// A behaviour's request.
     Intent(BehaviourId, Intent),
     /// A behaviour's host has sent a sign of life.
     Alive(BehaviourId),
-    /// A behaviour has ended.
     Gone(BehaviourId),
     /// A permanent failure has occurred that a person should know of: sound the alarm, once.
     Alarm,
@@ -65,7 +57,6 @@ pub enum Quiet {
     WithAlarm,
 }
 
-/// The purpose of a behaviour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Role {
     /// It does what its user wants.
@@ -78,7 +69,6 @@ pub enum Role {
     Person,
 }
 
-/// The robot and the behaviours that run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RunningBehaviours {
     /// The robot's identity from the last login, if there was one.
@@ -159,7 +149,6 @@ impl EventSender {
             .send_if_modified(|kill| kill.replace(reason).is_none());
     }
 
-    /// The number of events dropped so far.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
@@ -176,7 +165,6 @@ pub struct EventReceiver {
 /// A message from the pilot to a supervisor.
 #[derive(Debug, PartialEq)]
 pub enum PilotMessage {
-    /// Something has happened.
     Event(Event),
     /// End the host now.
     Kill(EndReason),

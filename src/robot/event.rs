@@ -17,7 +17,6 @@ pub enum Intent {
     Move {
         /// The setpoint's number; larger than that of every earlier one.
         motion: MotionId,
-        /// The power of the tracks.
         setpoint: Setpoint,
         /// The duration; `None`: until changed.
         duration: Option<Duration>,
@@ -25,44 +24,32 @@ pub enum Intent {
     /// The task that owned a setpoint has ended. Has no effect if the setpoint is not the current
     /// one.
     Release {
-        /// The setpoint.
         motion: MotionId,
     },
     /// End the motions and dockings of this behaviour and of all with equal or lower priority. Of
     /// the watchdog's own way home it ends only a grant to this behaviour.
     Stop,
-    /// Switch a light.
     Led {
-        /// The light.
         led: Led,
-        /// On or off.
         on: bool,
     },
-    /// Play a sound.
     Play(Sound),
-    /// Stop the music.
     StopSound,
-    /// Set the volume.
     Volume(Percent),
     /// Samples for the speaker: s16 little-endian, mono, 16 kHz.
     Say(Vec<u8>),
     /// Request a stream, or no longer. It is on while any behaviour requests it.
     Stream {
-        /// The stream.
         stream: Stream,
-        /// Whether it is wanted.
         on: bool,
     },
     /// Go to the station. Answered by [`Event::DockEnded`].
     Dock {
-        /// The number of this call.
         call: CallId,
-        /// Timeouts and retries.
         plan: DockPlan,
     },
     /// Leave the station. Answered by [`Event::UndockEnded`].
     Undock {
-        /// The number of this call.
         call: CallId,
         /// How long to wait for the robot's confirmation that it has left.
         timeout: Duration,
@@ -71,19 +58,16 @@ pub enum Intent {
     CancelDock,
 }
 
-/// Timeouts and retries of one docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DockPlan {
     /// The longest search of one attempt.
     pub timeout: Duration,
-    /// Attempts after the first.
     pub retries: u32,
     /// How long charging may take to begin once the robot reports that it is on its station.
     pub charge_timeout: Duration,
 }
 
 impl DockPlan {
-    /// The defaults.
     pub const DEFAULT: DockPlan = DockPlan {
         timeout: Duration::from_secs(180),
         retries: 2,
@@ -97,19 +81,14 @@ impl Default for DockPlan {
     }
 }
 
-/// An event for a behaviour.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// Logged in, and the first battery level is known.
     Connected {
-        /// The robot.
         info: RobotInfo,
-        /// Whether it is on its station.
         docked: bool,
     },
-    /// The link is lost.
     Disconnected {
-        /// The reason, in words.
         reason: String,
     },
     /// The believed level or charging state has changed.
@@ -120,7 +99,6 @@ pub enum Event {
     BatteryOk(Battery),
     /// Charging began or ended, as far as believed.
     Charging {
-        /// Whether it charges.
         on: bool,
     },
     /// ENGINE 3: the battery is full.
@@ -133,13 +111,9 @@ pub enum Event {
     BaseNotFound,
     /// Microphone: s16 little-endian, mono, 16 kHz.
     Audio(Bytes),
-    /// The music has ended.
     SoundFinished,
-    /// The watchdog acted.
     Safety {
-        /// What it did.
         action: SafetyAction,
-        /// Why, in words.
         reason: String,
     },
     /// The watchdog grants the tracks of a robot with a low battery to this behaviour: its motion
@@ -152,42 +126,30 @@ pub enum Event {
     },
     /// An unknown ENGINE byte.
     Engine {
-        /// The byte.
         code: u8,
     },
     /// Whether anything moves the robot: a behaviour, the watchdog, a person, or its own search.
     Moving {
-        /// Whether it moves.
         on: bool,
     },
     /// The robot was told to make a sound, by any behaviour, person or rule.
     Sounding,
     /// A timed setpoint waits until the robot's queue has room for it; its time has not begun.
     MotionWaiting {
-        /// The setpoint.
         motion: MotionId,
         /// Whether it waits; `false`: it has begun.
         on: bool,
     },
-    /// A setpoint has ended.
     MotionEnded {
-        /// The setpoint.
         motion: MotionId,
-        /// How it ended.
         end: MotionEnd,
     },
-    /// A docking has ended.
     DockEnded {
-        /// The call.
         call: CallId,
-        /// How it ended.
         outcome: DockOutcome,
     },
-    /// An undocking has ended.
     UndockEnded {
-        /// The call.
         call: CallId,
-        /// How it ended.
         end: DockEnd,
     },
 }
@@ -212,7 +174,10 @@ impl Event {
 macro_rules! named {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$doc])*
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, schemars::JsonSchema)]
+        #[derive(
+            Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+            schemars::JsonSchema,
+        )]
         pub enum $name {
             $($(#[$variant_doc])* #[doc = concat!(" (`", $text, "`)")] #[serde(rename = $text)] $variant,)+
         }
@@ -225,6 +190,10 @@ macro_rules! named {
             pub fn name(self) -> &'static str {
                 match self { $($name::$variant => $text,)+ }
             }
+
+            pub fn from_name(name: &str) -> Option<$name> {
+                $name::ALL.iter().copied().find(|one| one.name() == name)
+            }
         }
 
         impl std::fmt::Display for $name {
@@ -234,6 +203,8 @@ macro_rules! named {
         }
     };
 }
+
+pub(crate) use named;
 
 named! {
     /// How a setpoint ended.
@@ -281,14 +252,10 @@ named! {
     }
 }
 
-/// The outcome of a docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DockOutcome {
-    /// How it ended.
     pub end: DockEnd,
-    /// Attempts made.
     pub attempts: u32,
-    /// Time from the start.
     pub took: Duration,
 }
 

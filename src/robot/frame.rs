@@ -18,7 +18,6 @@ pub struct Frame {
     /// When its last byte arrived. Between processes, whose clocks differ, it is sent as an age.
     #[serde(with = "age")]
     pub at: Instant,
-    /// The JPEG.
     pub jpeg: Bytes,
 }
 
@@ -81,11 +80,6 @@ pub struct Streams {
     pub audio_out: Use,
 }
 
-/// A stream that the config keeps off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the config keeps {0} off; it has streams: {{ {0}: off }}")]
-pub struct StreamOff(&'static str);
-
 impl Streams {
     /// When this stream is on.
     pub fn usage(&self, stream: Stream) -> Use {
@@ -97,11 +91,13 @@ impl Streams {
         }
     }
 
-    /// Checks that a script may have a stream.
-    /// Fails with [`StreamOff`] if the config keeps it off.
-    pub fn allow(&self, stream: Stream) -> Result<(), StreamOff> {
+    /// Checks that a script may have a stream: the error says that the config keeps it off.
+    pub fn allow(&self, stream: Stream) -> Result<(), String> {
         if self.usage(stream) == Use::Off {
-            return Err(StreamOff(stream.name()));
+            let name = stream.name();
+            return Err(format!(
+                "the config keeps {name} off; it has streams: {{ {name}: off }}"
+            ));
         }
         Ok(())
     }
@@ -138,11 +134,8 @@ pub struct Detection {
 /// What one behaviour found in one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detections {
-    /// The behaviour.
     pub behaviour: String,
-    /// The frame's number.
     pub frame: u64,
-    /// The objects.
     pub list: Vec<Detection>,
 }
 
@@ -182,7 +175,6 @@ impl ViewerChannel {
         self.found.subscribe()
     }
 
-    /// The parameters of behaviours.
     pub fn params(&self) -> &ParamBoard {
         &self.params
     }

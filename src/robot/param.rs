@@ -88,20 +88,16 @@ impl DeclaredParam {
 
     /// Limits the texts: a compromised host may send anything.
     fn shorten(&mut self) {
-        let texts = [&mut self.name, &mut self.doc];
-        let texts = texts
-            .into_iter()
-            .chain(&mut self.choices)
-            .chain(&mut self.unit);
-        for text in texts {
+        let value = match &mut self.value {
+            ParamValue::Text(text) => Some(text),
+            ParamValue::Boolean(_) | ParamValue::Number(_) => None,
+        };
+        let texts = [&mut self.name, &mut self.doc].into_iter();
+        let texts = texts.chain(&mut self.choices).chain(&mut self.unit);
+        for text in texts.chain(value) {
             if let Some((at, _)) = text.char_indices().nth(LONGEST) {
                 text.truncate(at);
             }
-        }
-        if let ParamValue::Text(text) = &mut self.value
-            && let Some((at, _)) = text.char_indices().nth(LONGEST)
-        {
-            text.truncate(at);
         }
         self.choices.truncate(LONGEST);
     }
@@ -110,11 +106,8 @@ impl DeclaredParam {
 /// A person's request to change a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ParamChange {
-    /// The behaviour.
     pub behaviour: String,
-    /// The parameter.
     pub name: String,
-    /// The new value.
     pub value: ParamValue,
 }
 

@@ -59,7 +59,6 @@ impl Args {
         self.values.get(index).unwrap_or(&LuaValue::Nil)
     }
 
-    /// The object on which a method was called.
     pub(super) fn receiver(&self) -> &LuaValue {
         self.values.front().unwrap_or(&LuaValue::Nil)
     }
@@ -93,7 +92,6 @@ impl Args {
     }
 }
 
-/// One argument or option: its row and the given value.
 pub(super) struct Given<'a> {
     pub(super) args: &'a Args,
     row: &'static Value,
@@ -314,7 +312,6 @@ pub(super) fn describe(value: &LuaValue) -> String {
     }
 }
 
-/// The name of a key in messages.
 pub(super) fn describe_key(key: &LuaValue) -> String {
     match key {
         LuaValue::String(text) => printable(&text.to_string_lossy(), 40),

@@ -93,7 +93,6 @@ thread_local! {
 struct Running {
     began: Instant,
     processor: Duration,
-    /// How long the watcher had stalled before.
     stalled: u64,
     limit: Duration,
     location: Option<SourceLocation>,
@@ -139,7 +138,6 @@ pub(crate) fn set_simulated_wall_factor() {
     WALL_TIME_FACTOR.set(SIMULATED_WALL_FACTOR);
 }
 
-/// The CPU time that this thread has used so far.
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(
@@ -203,7 +201,6 @@ fn latch(flag: u8) {
     }
 }
 
-/// Whether the interrupt has to call [`verdict`].
 #[inline]
 pub(super) fn is_flagged() -> bool {
     SLOT.get()
@@ -246,7 +243,6 @@ fn is_over(slot: &Slot) -> bool {
     })
 }
 
-/// Records where the slice was when it was found over its budget.
 pub(super) fn record_place(file: String, line: u32) {
     RUNNING.with_borrow_mut(|running| {
         if let Some(running) = running {

@@ -9,46 +9,14 @@ use crate::robot::DeclaredParam;
 
 pub use crate::robot::ParamValue;
 
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(crate) enum DeclarationError {
-    #[error("min and max are for numbers only")]
-    Bounds,
-    #[error("choices are for texts only")]
-    Choices,
-    #[error("default, min and max must be finite numbers")]
-    Infinite,
-    #[error("min {min} is above max {max}")]
-    Order { min: f64, max: f64 },
-    #[error("default must be {0}")]
-    Default(String),
-}
-
-/// Why a value given for a parameter is refused; `written` is the value with its place.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum ParamError {
-    #[error("{written}: the script has no parameter '{name}'{near} (declared: {known})")]
-    Unknown {
-        written: String,
-        name: String,
-        near: String,
-        known: String,
-    },
-    #[error("{written}: {name} must be {expected}")]
-    Refused {
-        written: String,
-        name: String,
-        expected: String,
-    },
-}
-
 /// Checks what a script has declared of a parameter; its value is still the default.
-pub(crate) fn check_declaration(declared: &DeclaredParam) -> Result<(), DeclarationError> {
+pub(crate) fn check_declaration(declared: &DeclaredParam) -> Result<(), String> {
     let default = match declared.value {
         ParamValue::Number(number) => Some(number),
         ParamValue::Boolean(_) | ParamValue::Text(_) => None,
     };
     if default.is_none() && (declared.min.is_some() || declared.max.is_some()) {
-        return Err(DeclarationError::Bounds);
+        return Err("min and max are for numbers only".to_owned());
     }
     let numbers = [default, declared.min, declared.max];
     if numbers
@@ -56,27 +24,28 @@ pub(crate) fn check_declaration(declared: &DeclaredParam) -> Result<(), Declarat
         .flatten()
         .any(|number| !number.is_finite())
     {
-        return Err(DeclarationError::Infinite);
+        return Err("default, min and max must be finite numbers".to_owned());
     }
     if !matches!(declared.value, ParamValue::Text(_)) && !declared.choices.is_empty() {
-        return Err(DeclarationError::Choices);
+        return Err("choices are for texts only".to_owned());
     }
     if let (Some(min), Some(max)) = (declared.min, declared.max)
         && min > max
     {
-        return Err(DeclarationError::Order { min, max });
+        return Err(format!("min {min} is above max {max}"));
     }
     if !declared.allows(&declared.value) {
-        return Err(DeclarationError::Default(declared.expected()));
+        return Err(format!("default must be {}", declared.expected()));
     }
     Ok(())
 }
 
-/// Replaces the defaults of the declared parameters by the given values.
+/// Replaces the defaults of the declared parameters by the given values. The error says why one is
+/// refused, with its place.
 pub(crate) fn set_given(
     declared: &mut BTreeMap<String, DeclaredParam>,
     given: &BTreeMap<String, GivenParam>,
-) -> Result<(), ParamError> {
+) -> Result<(), String> {
     for (name, param) in given {
         if !declared.contains_key(name) {
             return Err(unknown(name, param, declared));
@@ -84,33 +53,25 @@ pub(crate) fn set_given(
     }
     for (name, declared) in declared {
         if let Some(param) = given.get(name) {
-            declared.value = param.read(declared).ok_or_else(|| ParamError::Refused {
-                written: written(name, param),
-                name: name.clone(),
-                expected: declared.expected(),
+            declared.value = param.read(declared).ok_or_else(|| {
+                let written = written(name, param);
+                format!("{written}: {name} must be {}", declared.expected())
             })?;
         }
     }
     Ok(())
 }
 
-fn unknown(
-    name: &str,
-    param: &GivenParam,
-    declared: &BTreeMap<String, DeclaredParam>,
-) -> ParamError {
-    let names = || declared.keys().map(String::as_str);
-    let known = names().collect::<Vec<_>>().join(", ");
-    ParamError::Unknown {
-        written: written(name, param),
-        name: name.to_owned(),
-        near: suggestion(name, names()),
-        known: if known.is_empty() {
-            "none".to_owned()
-        } else {
-            known
-        },
-    }
+fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, DeclaredParam>) -> String {
+    let written = written(name, param);
+    let names: Vec<&str> = declared.keys().map(String::as_str).collect();
+    let near = suggestion(name, names.iter().copied());
+    let known = if names.is_empty() {
+        "none".to_owned()
+    } else {
+        names.join(", ")
+    };
+    format!("{written}: the script has no parameter '{name}'{near} (declared: {known})")
 }
 
 /// The error message if values are given to a script that declares no parameters.
@@ -164,68 +125,5 @@ impl GivenParam {
             _ => self.value.clone(),
         };
         declared.allows(&value).then_some(value)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn number(default: f64, min: f64, max: f64) -> DeclaredParam {
-        DeclaredParam {
-            name: "speed".into(),
-            value: ParamValue::Number(default),
-            min: Some(min),
-            max: Some(max),
-            unit: Some("%".into()),
-            choices: Vec::new(),
-            live: false,
-            doc: String::new(),
-        }
-    }
-
-    fn given(text: &str) -> GivenParam {
-        let value = ParamValue::Text(text.into());
-        let origin = ParamOrigin::CommandLine;
-        GivenParam { value, origin }
-    }
-
-    fn given_value(name: &str, param: GivenParam) -> Result<ParamValue, ParamError> {
-        let mut declared = BTreeMap::from([("speed".to_owned(), number(40.0, 10.0, 100.0))]);
-        let given = BTreeMap::from([(name.to_owned(), param)]);
-        set_given(&mut declared, &given).map(|()| declared.remove("speed").unwrap().value)
-    }
-
-    #[test]
-    fn a_text_from_the_command_line_is_converted_to_the_declared_type() {
-        assert_eq!(
-            given_value("speed", given("55")),
-            Ok(ParamValue::Number(55.0))
-        );
-    }
-
-    #[test]
-    fn a_wrong_value_is_reported_with_its_place_and_the_allowed_values() {
-        for wrong in ["500", "fast", "nan", ""] {
-            let text = given_value("speed", given(wrong)).unwrap_err().to_string();
-            let place = format!("--param speed={wrong}: ");
-            assert!(text.starts_with(&place), "{text}");
-            assert!(text.ends_with("a number from 10 to 100 %"), "{text}");
-        }
-        let value = ParamValue::Text("50".into());
-        let origin = ParamOrigin::Config("spykee.yaml".into());
-        let text = given_value("speed", GivenParam { value, origin })
-            .unwrap_err()
-            .to_string();
-        assert!(
-            text.starts_with("spykee.yaml: params: speed: 50: "),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn an_unknown_name_is_reported_with_the_nearest() {
-        let text = given_value("sped", given("50")).unwrap_err().to_string();
-        assert!(text.contains("did you mean 'speed'?"), "{text}");
     }
 }

@@ -10,11 +10,8 @@ use super::failure::{VmError, printable};
 use super::output::Evaluated;
 use super::sandbox;
 
-/// Largest number of entries shown of a table.
 const MAX_ENTRIES: usize = 16;
-/// Largest number of values shown of one line.
 const MAX_VALUES: usize = 16;
-/// Largest number of characters shown of a text.
 const MAX_TEXT: usize = 200;
 
 /// Compiles the text as an expression if it is one, else as statements.
@@ -53,10 +50,7 @@ fn is_incomplete(error: &LuaError) -> bool {
 }
 
 pub(super) fn refused(error: &LuaError) -> Evaluated {
-    Evaluated::Failed(match VmError::from_lua(error) {
-        VmError::Memory => "not enough memory for this line".to_owned(),
-        VmError::Text(text) => text,
-    })
+    Evaluated::Failed(VmError::from_lua(error).text_or("not enough memory for this line"))
 }
 
 /// Formats values for people: shallow, bounded, and without running code of the script.

@@ -130,7 +130,6 @@ impl Subscription {
         Some(payload)
     }
 
-    /// When the next run may begin, if that is later than `now`.
     pub(super) fn delayed_until(&self, now: Instant) -> Option<Instant> {
         self.next_run.filter(|at| *at > now)
     }

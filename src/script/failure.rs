@@ -1,15 +1,14 @@
 //! How a script fails and ends, and messages about it for people: where, what, and what to do.
 
 use std::borrow::Cow;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use mlua::prelude::{LuaError, LuaFunction};
+use mlua::prelude::LuaError;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::events::is_round;
 use crate::robot::EndReason;
 
 /// The longest error text, in characters.
@@ -60,11 +59,7 @@ pub enum Failure {
     #[error("{0}")]
     Syntax(String),
     #[error("{chunk}: the script cannot be started: {reason}")]
-    Machine {
-        chunk: String,
-        /// The VM's error message.
-        reason: String,
-    },
+    Machine { chunk: String, reason: String },
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,9 +78,7 @@ impl ScriptExit {
 
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
-    /// The file, as messages show it.
     pub file: String,
-    /// The line number, from 1.
     pub line: u32,
 }
 
@@ -97,7 +90,6 @@ impl fmt::Display for SourceLocation {
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum VmError {
-    /// The script exceeded its memory limit.
     Memory,
     /// An error, converted to one short text.
     Text(String),
@@ -122,6 +114,14 @@ impl VmError {
             }
         }
         VmError::Text("an error of the VM without a message".to_owned())
+    }
+
+    /// The error's text, or these words if the memory was not enough.
+    pub(super) fn text_or(self, words: &str) -> String {
+        match self {
+            VmError::Memory => words.to_owned(),
+            VmError::Text(text) => text,
+        }
     }
 }
 
@@ -226,58 +226,32 @@ pub(super) struct FailureLog {
     counts: BTreeMap<String, u64>,
 }
 
-pub(super) enum LogForm {
-    /// With its explanation: it is the first at its place.
-    Explained,
-    /// Without an explanation or a count.
-    Plain,
-    /// With the number of times that it has happened.
-    Counted(u64),
-    Silent,
-}
-
 impl FailureLog {
-    /// Counts a failure at the place that its text begins with, and returns how to log it.
-    pub(super) fn count(&mut self, text: &str) -> LogForm {
+    /// Counts a failure at the place that its text begins with, and returns how often it has
+    /// happened there; `None` if it happens at too many places to count.
+    pub(super) fn count(&mut self, text: &str) -> Option<u64> {
         let location = text.split(": ").next().unwrap_or(text);
-        let known = self.counts.contains_key(location);
-        if !known && self.counts.len() >= MAX_PLACES {
-            return LogForm::Plain;
+        if !self.counts.contains_key(location) && self.counts.len() >= MAX_PLACES {
+            return None;
         }
         let count = self.counts.entry(location.to_owned()).or_default();
         *count += 1;
-        match *count {
-            1 => LogForm::Explained,
-            count if is_round(count) => LogForm::Counted(count),
-            _ => LogForm::Silent,
-        }
+        Some(*count)
     }
 }
 
 #[derive(Debug)]
 pub(super) enum Life {
     Running,
-    Stopping(Stopping),
+    /// The last half second, in which the script may clean up.
+    Stopping {
+        exit: ScriptExit,
+        deadline: Instant,
+        /// Real time that its slices took; needed since the clock of the deadline may be virtual
+        /// and stand still.
+        spent: Duration,
+    },
     Ended(ScriptExit),
-}
-
-/// The last half second, in which a stopping script may clean up.
-#[derive(Debug)]
-pub(super) struct Stopping {
-    pub(super) exit: ScriptExit,
-    pub(super) deadline: Instant,
-    /// Real time that its slices took; needed since the clock of the deadline may be virtual and
-    /// stand still.
-    pub(super) spent: Duration,
-}
-
-#[derive(Default)]
-pub(super) struct Exit {
-    pub(super) stop_handlers: VecDeque<LuaFunction>,
-    /// Set when the running task has called `script.stop`; holds its message.
-    pub(super) stop_requested: Option<Option<String>>,
-    /// A native function has panicked: the state of the script can no longer be trusted.
-    pub(super) broken: bool,
 }
 
 /// Whether a script that ends for this reason must not run another line.

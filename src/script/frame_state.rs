@@ -51,8 +51,8 @@ pub(super) struct FrameState {
     pub(super) held_bytes: Rc<Cell<u64>>,
     pub(super) analyser: FrameAnalyser,
     pub(super) skyline_reader: SkylineReader,
-    /// Number of trackers and motion detectors that exist.
-    pub(super) watchers: Rc<Cell<u32>>,
+    /// Each tracker and motion detector that exists holds one more reference.
+    pub(super) watchers: Rc<()>,
     /// A frame that is still to be examined for the robot's own motion.
     pub(super) motion_check: Option<MotionCheck>,
     /// When the last frame arrived during which the tracks turned the robot.
@@ -94,11 +94,9 @@ pub struct AnnotatedFrame {
     pub marks: Vec<LabelledBlob>,
 }
 
-/// One thing found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LabelledBlob {
     pub blob: Blob,
-    /// The label: the colour's name or the track's id.
     pub text: String,
 }
 

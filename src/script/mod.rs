@@ -81,7 +81,7 @@ impl Script {
     /// Loads a script without running it. Refuses a source that is larger than 256 KiB, contains
     /// control characters (as compiled code does) or does not compile.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::ApiSet::Robot, now)
+        Script::load_with(source, options, None, now)
     }
 
     /// Loads a scenario script: it has `scenario`, `expect` and `sim`, and of the usual names only
@@ -92,32 +92,31 @@ impl Script {
         scenario_api: Rc<dyn ScenarioApi>,
         now: Instant,
     ) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::ApiSet::Scenario(scenario_api), now)
+        Script::load_with(source, options, Some(Some(scenario_api)), now)
     }
 
-    /// Loads a scenario script with an empty source and a scenario API that refuses every call.
+    /// Loads a scenario script with an empty source and no scenario API: enough to list the names
+    /// that scripts can use.
     pub(crate) fn empty_scenario(options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::with_scenario_api(b"", options, Rc::new(RefusingScenarioApi), now)
+        Script::load_with(b"", options, Some(None), now)
     }
 
+    /// `scenario`: for a scenario script, its API, if it can be called.
     fn load_with(
         source: &[u8],
         options: Options,
-        api_set: api::ApiSet,
+        scenario: Option<Option<Rc<dyn ScenarioApi>>>,
         now: Instant,
     ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
         let text = sandbox::check_source(source, &chunk)?;
-        Script::start(text, options, api_set, now).map_err(|error| match &error {
+        Script::start(text, options, scenario, now).map_err(|error| match &error {
             mlua::Error::SyntaxError { message, .. } => {
                 Failure::Syntax(failure::printable(message, 1000))
             }
             other => Failure::Machine {
                 chunk,
-                reason: match failure::VmError::from_lua(other) {
-                    failure::VmError::Memory => "not enough memory".to_owned(),
-                    failure::VmError::Text(text) => text,
-                },
+                reason: VmError::from_lua(other).text_or("not enough memory"),
             },
         })
     }
@@ -125,17 +124,19 @@ impl Script {
     fn start(
         source: &str,
         options: Options,
-        api_set: api::ApiSet,
+        scenario: Option<Option<Rc<dyn ScenarioApi>>>,
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let chunk = options.chunk.clone();
         let seed = options.seed;
-        let text = source.to_owned();
-        let state = Rc::new(RefCell::new(State::new(options, now)));
-        state.borrow_mut().failure_log.source = text;
+        let is_scenario = scenario.is_some();
+        let mut state = State::new(options, now);
+        state.failure_log.source = source.to_owned();
+        state.scenario_api = scenario.flatten();
+        let state = Rc::new(RefCell::new(state));
         sandbox::seed(&lua, seed)?;
-        api::install(&lua, &state, api_set)?;
+        api::install(&lua, &state, is_scenario)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
         let start = Wakeup::Start(LuaMultiValue::new());
         state
@@ -165,7 +166,7 @@ impl Script {
         }
         if let Err(why) = api::set_live_param(&self.lua, &mut state, name, value) {
             let now = state.now;
-            let line = LogLine::new(Level::Warn, &why.to_string());
+            let line = LogLine::new(Level::Warn, &why);
             state.output.log(line, now);
         }
     }
@@ -329,7 +330,7 @@ impl Script {
         let values = resume_values(&self.lua, answer)?;
         let (slice, cost) = self.resume(id, &thread, values);
         self.account(&cost);
-        if self.state.borrow().exit.broken {
+        if self.state.borrow().broken {
             let text =
                 "a fault inside spykee, not of the script: please report it, with the script";
             self.kill(EndReason::Error, text.to_owned(), before);
@@ -422,8 +423,8 @@ impl Script {
         let mut state = self.state.borrow_mut();
         state.usage.cpu += cost.wall;
         state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
-        if let Life::Stopping(stopping) = &mut state.life {
-            stopping.spent += cost.wall;
+        if let Life::Stopping { spent, .. } = &mut state.life {
+            *spent += cost.wall;
         }
     }
 
@@ -431,7 +432,7 @@ impl Script {
     /// not matter then.
     fn stop_if_requested(&self) -> bool {
         let mut state = self.state.borrow_mut();
-        let Some(reason) = state.exit.stop_requested.take() else {
+        let Some(reason) = state.stop_requested.take() else {
             return false;
         };
         state.begin_stop(EndReason::Done, reason);
@@ -442,14 +443,14 @@ impl Script {
     /// Checked before any output of the first slice is sent.
     fn refused_params(&self, id: TaskId, slice: &Slice) -> Option<String> {
         let mut state = self.state.borrow_mut();
-        if let Some(words) = state.params.refused.take() {
+        if let Some(words) = state.refused_params.take() {
             return Some(words);
         }
         let loads = |wait: &TaskPhase| matches!(wait, TaskPhase::Waiting(Wait::Module(_)));
         let loading = matches!(slice, Slice::Waits)
             && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
         let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
-        if state.params.declared.is_some() || loading || fails {
+        if state.declared_params.is_some() || loading || fails {
             return None;
         }
         no_declaration_error(&state.options.params)
@@ -523,14 +524,14 @@ impl Script {
         if state.is_out_of_time() {
             return state.end_stopped();
         }
-        let Life::Stopping(stopping) = &state.life else {
+        let Life::Stopping { exit, .. } = &state.life else {
             return;
         };
         if !state.tasks.is_empty() {
             return;
         }
-        let reason = stopping.exit.reason.name();
-        let Some(handler) = state.exit.stop_handlers.pop_front() else {
+        let reason = exit.reason.name();
+        let Some(handler) = state.stop_handlers.pop_front() else {
             return state.end_stopped();
         };
         let now = state.now;
@@ -636,21 +637,12 @@ impl Script {
         let progress = match file {
             Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
             Ok(file) => match state.modules.record_file(id, &file) {
-                Err(why) => Progress::Missing(why.to_string()),
+                Err(why) => Progress::Missing(why),
                 Ok(chunk) => api::compile_module(&self.lua, &file.source, &chunk),
             },
         };
         state.modules.set(id, progress);
         state.answer(Wait::Module(id), || Wakeup::Again);
-    }
-}
-
-/// A scenario API that refuses every call; enough to list the names that scripts can use.
-struct RefusingScenarioApi;
-
-impl ScenarioApi for RefusingScenarioApi {
-    fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult {
-        Err(format!("{} is not possible here", call.name).into())
     }
 }
 

@@ -78,7 +78,6 @@ pub struct NoModule(pub String);
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ModuleFile {
-    /// The path with its extension, such as `lib/pid.lua`.
     pub file: String,
     /// The content, not checked yet.
     pub source: Vec<u8>,
@@ -90,64 +89,33 @@ pub(crate) enum Target {
     File(ModuleName),
 }
 
-/// Why `require` refuses a path or a module, as a message for the script's author.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum RequireError {
-    #[error("the path is too long: at most {LONGEST} bytes")]
-    TooLong,
-    #[error(
-        "there is no module '{path}'{near} (a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of {known})"
-    )]
-    NoPrefix {
-        path: String,
-        near: String,
-        known: String,
-    },
-    #[error("'{0}' leaves the behaviour's folder; modules must be in it")]
-    Outside(String),
-    #[error("'{0}' is not a path to a module; use letters, digits, _ and -")]
-    NotAPath(String),
-    #[error("there is no module '{path}'{near} (known: {known})")]
-    Unknown {
-        path: String,
-        near: String,
-        known: String,
-    },
-    #[error("a script may load at most {MAX_MODULES} modules")]
-    TooMany,
-    #[error(
-        "{0}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) in total; these have more"
-    )]
-    TooLarge(String),
-    #[error("{0}: modules require each other; move what both need into a third module")]
-    Circle(String),
-    #[error("{0} is the behaviour itself, and not a module")]
-    Main(String),
-}
-
-/// Resolves a path in a file of this folder, which is relative to the behaviour's folder.
-pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> {
+/// Resolves a path in a file of this folder, which is relative to the behaviour's folder. The error
+/// is for the script's author, like those of [`Modules`].
+pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
     if path.len() > LONGEST {
-        return Err(RequireError::TooLong);
+        return Err(format!("the path is too long: at most {LONGEST} bytes"));
     }
     if path.starts_with('@') {
         return library(path);
     }
     if !path.starts_with("./") && !path.starts_with("../") {
-        return Err(RequireError::NoPrefix {
-            path: path.to_owned(),
-            near: names()
-                .find(|name| name.strip_prefix("@spykee/") == Some(path))
-                .map_or_else(String::new, |name| format!("; did you mean '{name}'?")),
-            known: known_names(),
-        });
+        let near = names()
+            .find(|name| name.strip_prefix("@spykee/") == Some(path))
+            .map_or_else(String::new, |name| format!("; did you mean '{name}'?"));
+        let known = known_names();
+        return Err(format!(
+            "there is no module '{path}'{near} (a path begins with ./ or ../, such as \
+             require(\"./lib/pid\"), or is one of {known})"
+        ));
     }
     let mut segments: Vec<&str> = folder.split('/').filter(|one| !one.is_empty()).collect();
     for segment in path.split('/') {
         match segment {
             "." => {}
             ".." if segments.pop().is_none() => {
-                return Err(RequireError::Outside(path.to_owned()));
+                return Err(format!(
+                    "'{path}' leaves the behaviour's folder; modules must be in it"
+                ));
             }
             ".." => {}
             segment => segments.push(segment),
@@ -158,7 +126,7 @@ pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> 
         .iter()
         .find_map(|ending| name.strip_suffix(ending))
         .unwrap_or(&name);
-    let refused = |_| RequireError::NotAPath(path.to_owned());
+    let refused = |_| format!("'{path}' is not a path to a module; use letters, digits, _ and -");
     Ok(Target::File(name.to_owned().try_into().map_err(refused)?))
 }
 
@@ -170,14 +138,14 @@ fn known_names() -> String {
     names().collect::<Vec<_>>().join(", ")
 }
 
-fn library(path: &str) -> Result<Target, RequireError> {
+fn library(path: &str) -> Result<Target, String> {
     let found = BUILT_IN.iter().find(|(name, _)| *name == path);
     found
         .map(|(name, source)| Target::Library(name, source))
-        .ok_or_else(|| RequireError::Unknown {
-            path: path.to_owned(),
-            near: suggestion(path, names()),
-            known: known_names(),
+        .ok_or_else(|| {
+            let near = suggestion(path, names());
+            let known = known_names();
+            format!("there is no module '{path}'{near} (known: {known})")
         })
 }
 
@@ -246,7 +214,6 @@ impl Modules {
         at.map_or(MAIN, ModuleId)
     }
 
-    /// The folder of a module, relative to the behaviour's folder.
     pub(super) fn folder(&self, id: ModuleId) -> &str {
         self.key(id)
             .rsplit_once('/')
@@ -265,9 +232,9 @@ impl Modules {
     }
 
     /// Adds a module of this name, which is not loaded yet.
-    pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, RequireError> {
+    pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, String> {
         if self.all.len() > MAX_MODULES {
-            return Err(RequireError::TooMany);
+            return Err(format!("a script may load at most {MAX_MODULES} modules"));
         }
         let chunk = if key.starts_with(LIBRARY) {
             key.to_owned()
@@ -293,7 +260,7 @@ impl Modules {
         &mut self,
         id: ModuleId,
         file: &ModuleFile,
-    ) -> Result<String, RequireError> {
+    ) -> Result<String, String> {
         self.bytes += file.source.len();
         let chunk = format!("{}{}", self.prefix, file.file);
         if let Some(module) = self.all.get_mut(id.0) {
@@ -301,7 +268,10 @@ impl Modules {
             module.source = String::from_utf8_lossy(&file.source).into_owned();
         }
         if self.bytes > MAX_BYTES {
-            Err(RequireError::TooLarge(chunk))
+            Err(format!(
+                "{chunk}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) in total; \
+                 these have more"
+            ))
         } else {
             Ok(chunk)
         }
@@ -326,7 +296,7 @@ impl Modules {
         to: ModuleId,
         task: TaskId,
         lives: impl Fn(TaskId) -> bool,
-    ) -> Result<(), RequireError> {
+    ) -> Result<(), String> {
         self.waits.retain(|wait| lives(wait.task));
         if let Some(chain) = self.chain(to, from, &mut Vec::new()) {
             let names: Vec<&str> = chain
@@ -334,10 +304,14 @@ impl Modules {
                 .chain([&to])
                 .map(|id| self.chunk(*id))
                 .collect();
-            return Err(RequireError::Circle(names.join(" -> ")));
+            let circle = names.join(" -> ");
+            return Err(format!(
+                "{circle}: modules require each other; move what both need into a third module"
+            ));
         }
         if to == MAIN {
-            return Err(RequireError::Main(self.chunk(MAIN).to_owned()));
+            let main = self.chunk(MAIN);
+            return Err(format!("{main} is the behaviour itself, and not a module"));
         }
         let wait = ModuleWait { from, to, task };
         if !self.waits.contains(&wait) {
@@ -395,7 +369,7 @@ mod tests {
         match resolve(folder, path) {
             Ok(Target::File(name)) => Ok(name.into()),
             Ok(Target::Library(name, _)) => Ok(name.to_owned()),
-            Err(error) => Err(error.to_string()),
+            Err(error) => Err(error),
         }
     }
 

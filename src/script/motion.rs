@@ -17,21 +17,13 @@ pub(super) enum Owner {
     Lines,
 }
 
-/// How a setpoint ends.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Timing {
-    /// By another call.
-    Open,
-    /// After a time; then the tracks run on for a while.
-    Timed { runs_on: Duration },
-}
-
 #[derive(Debug, Clone, Copy)]
 struct Current {
     motion: MotionId,
     owner: Owner,
     setpoint: Setpoint,
-    timing: Timing,
+    /// How long the tracks run on after its time; `None` if it ends by another call only.
+    runs_on: Option<Duration>,
     /// It waits until the robot's queue has room for it.
     waits: bool,
     since: Instant,
@@ -48,7 +40,7 @@ impl Motion {
         &mut self,
         owner: Owner,
         setpoint: Setpoint,
-        timing: Timing,
+        runs_on: Option<Duration>,
         now: Instant,
     ) -> MotionId {
         self.last += 1;
@@ -57,7 +49,7 @@ impl Motion {
             motion,
             owner,
             setpoint,
-            timing,
+            runs_on,
             waits: false,
             since: now,
         });
@@ -68,7 +60,7 @@ impl Motion {
     /// owner.
     pub(super) fn is_set(&self, owner: Owner, setpoint: Setpoint) -> bool {
         self.current.is_some_and(|current| {
-            current.owner == owner && current.setpoint == setpoint && current.timing == Timing::Open
+            current.owner == owner && current.setpoint == setpoint && current.runs_on.is_none()
         })
     }
 
@@ -97,13 +89,10 @@ impl Motion {
 
     /// Records that the robot side has ended a motion. Returns how long the tracks run on.
     pub(super) fn ended(&mut self, motion: MotionId) -> Duration {
-        match self.current.take_if(|current| current.motion == motion) {
-            Some(Current {
-                timing: Timing::Timed { runs_on },
-                ..
-            }) => runs_on,
-            _ => Duration::ZERO,
-        }
+        let ended = self.current.take_if(|current| current.motion == motion);
+        ended
+            .and_then(|current| current.runs_on)
+            .unwrap_or_default()
     }
 
     pub(super) fn current(&self) -> Option<MotionId> {
@@ -120,11 +109,10 @@ impl Motion {
     pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
         let current = self
             .current
-            .filter(|current| current.timing != Timing::Open && !current.waits)?;
+            .filter(|current| current.runs_on.is_some() && !current.waits)?;
         Some((current.motion, current.setpoint, current.since))
     }
 
-    /// Whether the current motion waits for the robot's queue.
     pub(super) fn waits(&self) -> bool {
         self.current.is_some_and(|current| current.waits)
     }

@@ -103,10 +103,6 @@ pub(super) struct OutputQueue {
     dropped: u32,
 }
 
-/// The length of the queue when a slice began.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct QueuePosition(usize);
-
 impl OutputQueue {
     pub(super) fn new(now: Instant) -> OutputQueue {
         OutputQueue {
@@ -186,13 +182,13 @@ impl OutputQueue {
         }
     }
 
-    pub(super) fn position(&self) -> QueuePosition {
-        QueuePosition(self.waiting.len())
+    pub(super) fn len(&self) -> usize {
+        self.waiting.len()
     }
 
-    /// Removes the output since `position`, except log lines, parameters and saved pictures: those
+    /// Removes all but the first `kept` items, except log lines, parameters and saved pictures: those
     /// have already happened.
-    pub(super) fn withdraw_since(&mut self, position: QueuePosition) {
+    pub(super) fn withdraw_after(&mut self, kept: usize) {
         let mut index = 0;
         self.waiting.retain(|output| {
             index += 1;
@@ -200,7 +196,7 @@ impl OutputQueue {
                 output,
                 Output::Log(_) | Output::Params(_) | Output::HostReport(HostReport::Picture { .. })
             );
-            index <= position.0 || happened
+            index <= kept || happened
         });
     }
 

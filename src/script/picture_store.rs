@@ -39,14 +39,6 @@ pub(super) struct Saved {
     pub(super) notice: Option<String>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum MessageKind {
-    Removed,
-    Day,
-    Disk,
-    TooLarge,
-}
-
 #[derive(Debug)]
 pub(super) struct PictureStore {
     folder: Option<PathBuf>,
@@ -55,7 +47,8 @@ pub(super) struct PictureStore {
     day: Budget,
     /// The content of the folder, once it was read.
     content: Option<FolderContent>,
-    messages: Repeats<MessageKind>,
+    /// By the words that name a kind of message.
+    messages: Repeats<&'static str>,
 }
 
 #[derive(Debug, Default)]
@@ -114,21 +107,21 @@ impl PictureStore {
                 "it is larger than the limit of {} bytes for all pictures",
                 self.quota
             );
-            return Err(self.refuse(MessageKind::TooLarge, &why, now));
+            return Err(self.refuse("too large", &why, now));
         }
         if folder
             .free()
             .is_ok_and(|free| free < self.free.saturating_add(heavy))
         {
             let why = format!("the disk has less than {} bytes left", self.free);
-            return Err(self.refuse(MessageKind::Disk, &why, now));
+            return Err(self.refuse("disk", &why, now));
         }
         if !self.day.take(heavy, now) {
             let why = format!(
                 "the limit of {} bytes of pictures a day is used up",
                 self.day.per_day()
             );
-            return Err(self.refuse(MessageKind::Day, &why, now));
+            return Err(self.refuse("day", &why, now));
         }
         let deleted = self.make_room(&folder, name, heavy)?;
         folder.replace(name, bytes)?;
@@ -174,7 +167,7 @@ impl PictureStore {
         Ok(())
     }
 
-    fn refuse(&mut self, kind: MessageKind, why: &str, now: Instant) -> NotSaved {
+    fn refuse(&mut self, kind: &'static str, why: &str, now: Instant) -> NotSaved {
         let words = self.messages.record(kind, now).map(|before| match before {
             0 => format!("a picture was not saved: {why}"),
             before => format!("a picture was not saved, nor were {before} before it: {why}"),
@@ -183,7 +176,7 @@ impl PictureStore {
     }
 
     fn removal_notice(&mut self, deleted: u64, now: Instant) -> Option<String> {
-        let before = self.messages.record(MessageKind::Removed, now)?;
+        let before = self.messages.record("deleted", now)?;
         let quota = self.quota;
         Some(format!(
             "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \

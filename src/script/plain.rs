@@ -13,26 +13,10 @@ const MAX_DEPTH: u32 = 16;
 /// Largest number of values within one value.
 const MAX_NODES: usize = 20_000;
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum NotPlain {
-    #[error("{0} cannot be stored; only true, false, numbers, strings and tables of them can")]
-    Kind(String),
-    #[error("a number must be finite, got {0}")]
-    NotFinite(String),
-    #[error("a string must be UTF-8; other bytes cannot be stored")]
-    NotUtf8,
-    #[error("tables may be nested {MAX_DEPTH} deep; this one is deeper, or contains itself")]
-    TooDeep,
-    #[error("a value may consist of at most {MAX_NODES} values; this one has more")]
-    TooMany,
-    #[error("the value is longer than {0} bytes")]
-    TooLong(usize),
-    #[error("a table must be a list without gaps, or have only strings as keys")]
-    Keys,
-}
+const KEYS: &str = "a table must be a list without gaps, or have only strings as keys";
 
-/// Converts a value to JSON of at most `longest` bytes.
-pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, NotPlain> {
+/// Converts a value to JSON of at most `longest` bytes; the error is for the script's author.
+pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, String> {
     let mut reader = Reader {
         nodes: 0,
         bytes: 0,
@@ -40,7 +24,7 @@ pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, NotPla
     };
     let json = reader.value(value, 0)?.to_string();
     if json.len() > longest {
-        return Err(NotPlain::TooLong(longest));
+        return Err(too_long(longest));
     }
     Ok(json)
 }
@@ -53,63 +37,69 @@ struct Reader {
 }
 
 impl Reader {
-    fn value(&mut self, value: &LuaValue, depth: u32) -> Result<Value, NotPlain> {
+    fn value(&mut self, value: &LuaValue, depth: u32) -> Result<Value, String> {
         self.nodes += 1;
         if self.nodes > MAX_NODES {
-            return Err(NotPlain::TooMany);
+            return Err(too_many());
         }
         match value {
             LuaValue::Boolean(on) => Ok(Value::Bool(*on)),
             LuaValue::Integer(number) => Ok(Value::from(*number)),
             LuaValue::Number(number) => match Number::from_f64(*number) {
                 Some(number) => Ok(Value::Number(number)),
-                None => Err(NotPlain::NotFinite(number.to_string())),
+                None => Err(format!("a number must be finite, got {number}")),
             },
             LuaValue::String(text) => Ok(Value::String(self.text(text)?)),
-            LuaValue::Table(_) if depth >= MAX_DEPTH => Err(NotPlain::TooDeep),
+            LuaValue::Table(_) if depth >= MAX_DEPTH => Err(format!(
+                "tables may be nested {MAX_DEPTH} deep; this one is deeper, or contains itself"
+            )),
             LuaValue::Table(table) => match table.raw_len() {
                 0 => self.map(table, depth),
                 length => self.list(table, length, depth),
             },
-            other => Err(NotPlain::Kind(describe(other))),
+            other => Err(format!(
+                "{} cannot be stored; only true, false, numbers, strings and tables of them can",
+                describe(other)
+            )),
         }
     }
 
-    fn text(&mut self, text: &LuaString) -> Result<String, NotPlain> {
+    fn text(&mut self, text: &LuaString) -> Result<String, String> {
         let bytes = text.as_bytes();
         // Checked before anything is copied.
         self.bytes += bytes.len();
         if self.bytes > self.longest {
-            return Err(NotPlain::TooLong(self.longest));
+            return Err(too_long(self.longest));
         }
-        let text = std::str::from_utf8(&bytes).map_err(|_| NotPlain::NotUtf8)?;
+        let text = std::str::from_utf8(&bytes);
+        let text = text.map_err(|_| "a string must be UTF-8; other bytes cannot be stored")?;
         Ok(text.to_owned())
     }
 
-    fn list(&mut self, table: &LuaTable, length: usize, depth: u32) -> Result<Value, NotPlain> {
+    fn list(&mut self, table: &LuaTable, length: usize, depth: u32) -> Result<Value, String> {
         // A list that was filled backwards yields its keys in another order than 1 to n.
         let mut items = vec![LuaValue::Nil; length.min(MAX_NODES)];
         for (key, value) in self.entries(table)? {
             let at = key.as_usize().and_then(|at| at.checked_sub(1));
             let item = at.and_then(|at| items.get_mut(at));
-            *item.ok_or(NotPlain::Keys)? = value;
+            *item.ok_or(KEYS)? = value;
         }
         let mut list = Vec::with_capacity(length);
         for item in &items {
             if item.is_nil() {
-                return Err(NotPlain::Keys);
+                return Err(KEYS.to_owned());
             }
             list.push(self.value(item, depth + 1)?);
         }
         Ok(Value::Array(list))
     }
 
-    fn map(&mut self, table: &LuaTable, depth: u32) -> Result<Value, NotPlain> {
+    fn map(&mut self, table: &LuaTable, depth: u32) -> Result<Value, String> {
         // In the order of the keys, so that equal runs have equal errors.
         let mut fields = BTreeMap::new();
         for (key, value) in self.entries(table)? {
             let LuaValue::String(key) = key else {
-                return Err(NotPlain::Keys);
+                return Err(KEYS.to_owned());
             };
             fields.insert(self.text(&key)?, value);
         }
@@ -121,7 +111,7 @@ impl Reader {
     }
 
     /// All entries of a table; fails if there are too many.
-    fn entries(&self, table: &LuaTable) -> Result<Vec<(LuaValue, LuaValue)>, NotPlain> {
+    fn entries(&self, table: &LuaTable) -> Result<Vec<(LuaValue, LuaValue)>, String> {
         let most = MAX_NODES - self.nodes;
         let mut entries = Vec::new();
         let read = table.for_each(|key: LuaValue, value: LuaValue| {
@@ -133,9 +123,17 @@ impl Reader {
         });
         match read {
             Ok(()) => Ok(entries),
-            Err(_) => Err(NotPlain::TooMany),
+            Err(_) => Err(too_many()),
         }
     }
+}
+
+fn too_long(longest: usize) -> String {
+    format!("the value is longer than {longest} bytes")
+}
+
+fn too_many() -> String {
+    format!("a value may consist of at most {MAX_NODES} values; this one has more")
 }
 
 /// Converts JSON to a value of the VM; `null` becomes nil.

@@ -74,10 +74,8 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
 /// The compiler's error message for a checked source, if it does not compile.
 pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
     let compiled = open().and_then(|lua| compile(&lua, source, chunk).map(drop));
-    compiled.err().map(|error| match VmError::from_lua(&error) {
-        VmError::Memory => "not enough memory to compile it".to_owned(),
-        VmError::Text(text) => text,
-    })
+    let error = VmError::from_lua(&compiled.err()?);
+    Some(error.text_or("not enough memory to compile it"))
 }
 
 /// Compiles a checked source as a module with its own globals.
@@ -157,28 +155,16 @@ fn set_flags() {
     });
 }
 
-pub(super) struct Prelude(LuaTable);
-
-impl Prelude {
-    /// Runs the prelude, and installs its replacements of library functions.
-    pub(super) fn run(lua: &Lua, place: LuaFunction) -> LuaResult<Prelude> {
-        let chunk = lua
-            .load(include_str!("stdlib/prelude.luau"))
-            .set_name(format!("={PRELUDE}"))
-            .set_mode(ChunkMode::Text)
-            .set_compiler(compiler());
-        let is_native =
-            lua.create_function(|_, function: LuaFunction| Ok(function.info().what == "C"))?;
-        let prelude = Prelude(chunk.call((place, mark(), MAX_WORK, is_native))?);
-        replace(lua, "coroutine", &prelude.0.raw_get("coroutines")?)?;
-        replace(lua, "string", &prelude.0.raw_get("strings")?)?;
-        replace(lua, "table", &prelude.0.raw_get("tables")?)?;
-        Ok(prelude)
-    }
-
-    pub(super) fn function(&self, name: &str) -> LuaResult<LuaFunction> {
-        self.0.raw_get(name)
-    }
+/// Runs the prelude, and installs its replacements of library functions. Returns its functions.
+pub(super) fn run_prelude(lua: &Lua, place: LuaFunction) -> LuaResult<LuaTable> {
+    let prelude = compile(lua, include_str!("stdlib/prelude.luau"), PRELUDE)?;
+    let is_native =
+        lua.create_function(|_, function: LuaFunction| Ok(function.info().what == "C"))?;
+    let prelude: LuaTable = prelude.call((place, mark(), MAX_WORK, is_native))?;
+    replace(lua, "coroutine", &prelude.raw_get("coroutines")?)?;
+    replace(lua, "string", &prelude.raw_get("strings")?)?;
+    replace(lua, "table", &prelude.raw_get("tables")?)?;
+    Ok(prelude)
 }
 
 fn replace(lua: &Lua, library: &str, functions: &LuaTable) -> LuaResult<()> {

@@ -7,21 +7,21 @@
 //! `script.on_stop` functions run. One that is killed runs no further line, and the output of its
 //! last slice is discarded, except log lines, parameters and saved pictures.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::LuaMultiValue;
+use mlua::prelude::{LuaFunction, LuaMultiValue};
 use tokio::time::Instant;
 
 use super::eval;
-use super::events::{Busy, EventName, Payload, Subscriptions};
-use super::failure::{Exit, FailureLog, Life, LogForm, ScriptExit, Stopping};
+use super::events::{Busy, EventName, Payload, Subscriptions, is_round};
+use super::failure::{FailureLog, Life, ScriptExit};
 use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, MotionCheck};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::{Options, ScenarioApi};
-use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue, QueuePosition};
+use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue};
 use super::picture_store::PictureStore;
 use super::store::Store;
 use super::streams::{Demand, Loudness, WantedStreams};
@@ -32,7 +32,6 @@ use super::task::{
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{
     Battery, DeclaredParam, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo,
-    StreamOff,
 };
 use crate::vision::{Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, validate_markers};
 use crate::wire::Stream;
@@ -65,14 +64,6 @@ pub struct Usage {
     pub memory_bytes: u64,
 }
 
-#[derive(Default)]
-pub(super) struct Params {
-    /// The parameters by name; `None` before `params.declare` was called.
-    pub(super) declared: Option<BTreeMap<String, DeclaredParam>>,
-    /// The error message if the given values were refused.
-    pub(super) refused: Option<String>,
-}
-
 pub(super) struct State {
     pub(super) options: Options,
     pub(super) failure_log: FailureLog,
@@ -94,10 +85,17 @@ pub(super) struct State {
     pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
     pub(super) scenario_api: Option<Rc<dyn ScenarioApi>>,
-    pub(super) params: Params,
+    /// The parameters by name; `None` before `params.declare` was called.
+    pub(super) declared_params: Option<BTreeMap<String, DeclaredParam>>,
+    /// The error message if the given values of parameters were refused.
+    pub(super) refused_params: Option<String>,
     pub(super) output: OutputQueue,
     pub(super) life: Life,
-    pub(super) exit: Exit,
+    pub(super) stop_handlers: VecDeque<LuaFunction>,
+    /// Set when the running task has called `script.stop`; holds its message.
+    pub(super) stop_requested: Option<Option<String>>,
+    /// A native function has panicked: the state of the script can no longer be trusted.
+    pub(super) broken: bool,
     /// Whether the running task can yield; `false` inside a coroutine or callback that cannot.
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
@@ -111,7 +109,7 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn show_params(&mut self) {
-        let declared = self.params.declared.iter().flat_map(BTreeMap::values);
+        let declared = self.declared_params.iter().flat_map(BTreeMap::values);
         self.output.params(declared.cloned().collect());
     }
 
@@ -141,10 +139,13 @@ impl State {
             daily_limits,
             modules,
             scenario_api: None,
-            params: Params::default(),
+            declared_params: None,
+            refused_params: None,
             output: OutputQueue::new(now),
             life: Life::Running,
-            exit: Exit::default(),
+            stop_handlers: VecDeque::new(),
+            stop_requested: None,
+            broken: false,
             can_wait: true,
             usage: Usage::default(),
             last_call: 0,
@@ -274,10 +275,10 @@ impl State {
     /// Logs a failure: the first time, and then ever more rarely for the same place.
     pub(super) fn log_failure(&mut self, text: &str) {
         let text = match self.failure_log.count(text) {
-            LogForm::Explained => self.explained(text),
-            LogForm::Plain => text.to_owned(),
-            LogForm::Counted(count) => format!("{text} ({count} times)"),
-            LogForm::Silent => return,
+            Some(1) => self.explained(text),
+            Some(count) if is_round(count) => format!("{text} ({count} times)"),
+            Some(_) => return,
+            None => text.to_owned(),
         };
         self.log(Level::Error, &text);
     }
@@ -318,7 +319,7 @@ impl State {
 
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let exit = match &self.life {
-            Life::Stopping(stopping) => Some(stopping.deadline),
+            Life::Stopping { deadline, .. } => Some(*deadline),
             Life::Running => None,
             Life::Ended(_) => return None,
         };
@@ -466,7 +467,7 @@ impl State {
         }
     }
 
-    pub(super) fn need_stream(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
+    pub(super) fn need_stream(&mut self, stream: Stream, by: Demand) -> Result<(), String> {
         self.options.streams.allow(stream)?;
         if self.streams.switch_on(stream, by, self.now) {
             self.output.send(Intent::Stream { stream, on: true });
@@ -721,7 +722,7 @@ impl State {
 
     pub(super) fn slice_start(&self) -> SliceStart {
         SliceStart {
-            output: self.output.position(),
+            output: self.output.len(),
             motion: self.motion.current(),
         }
     }
@@ -732,11 +733,11 @@ impl State {
         if !self.is_running() {
             return;
         }
-        self.life = Life::Stopping(Stopping {
+        self.life = Life::Stopping {
             exit: ScriptExit { reason, message },
             deadline: self.now + STOP_TIME,
             spent: Duration::ZERO,
-        });
+        };
         self.cancel_all();
     }
 
@@ -756,16 +757,16 @@ impl State {
 
     pub(super) fn is_out_of_time(&self) -> bool {
         match &self.life {
-            Life::Stopping(stopping) => {
-                self.now >= stopping.deadline || stopping.spent >= STOP_TIME
-            }
+            Life::Stopping {
+                deadline, spent, ..
+            } => self.now >= *deadline || *spent >= STOP_TIME,
             _ => false,
         }
     }
 
     pub(super) fn end_stopped(&mut self) {
-        if let Life::Stopping(stopping) = &self.life {
-            let exit = stopping.exit.clone();
+        if let Life::Stopping { exit, .. } = &self.life {
+            let exit = exit.clone();
             self.cancel_docking();
             self.end(exit);
         }
@@ -776,15 +777,15 @@ impl State {
     pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: SliceStart) {
         let exit = match &self.life {
             Life::Running => ScriptExit { reason, message },
-            Life::Stopping(stopping) => {
-                let exit = stopping.exit.clone();
+            Life::Stopping { exit, .. } => {
+                let exit = exit.clone();
                 let text = message.unwrap_or_else(|| reason.sentence().to_owned());
                 self.log(Level::Warn, &format!("while stopping: {text}"));
                 exit
             }
             Life::Ended(_) => return,
         };
-        self.output.withdraw_since(before.output);
+        self.output.withdraw_after(before.output);
         let _ = self.motion.release_any();
         if let Some(motion) = before.motion {
             self.output.send(Intent::Release { motion });
@@ -804,7 +805,7 @@ impl State {
         self.tasks.clear();
         self.groups.clear();
         self.subscriptions.clear();
-        self.exit.stop_handlers.clear();
+        self.stop_handlers.clear();
         self.modules.clear();
         self.frames.newest = None;
         if let Some(text) = self.frames.damage.rest() {
@@ -956,6 +957,7 @@ impl Outcome {
 /// The state before a slice, to undo the slice if the script is killed in it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SliceStart {
-    output: QueuePosition,
+    /// The length of the queue of output.
+    output: usize,
     motion: Option<MotionId>,
 }

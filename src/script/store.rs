@@ -12,15 +12,6 @@ const ENTRY_OVERHEAD: usize = 6;
 /// Bytes of the file besides its entries: braces and line feeds.
 const FILE_OVERHEAD: usize = 4;
 
-/// The value would exceed the quota.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; delete what is not needed any more"
-)]
-pub(super) struct StoreFull {
-    wanted: usize,
-}
-
 #[derive(Debug, Default)]
 pub(super) struct Store {
     values: BTreeMap<String, Box<RawValue>>,
@@ -43,7 +34,8 @@ impl Store {
         self.values.get(key).map(|value| value.get())
     }
 
-    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), StoreFull> {
+    /// Fails if the value would exceed the quota.
+    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), String> {
         let before = self.values.get(&key);
         if before.is_some_and(|before| before.get() == json) {
             return Ok(());
@@ -51,9 +43,11 @@ impl Store {
         let before = before.map_or(0, |value| cost(&key, value.get()));
         let after = self.bytes - before + cost(&key, &json);
         if after + FILE_OVERHEAD > QUOTA {
-            return Err(StoreFull {
-                wanted: after + FILE_OVERHEAD,
-            });
+            let wanted = after + FILE_OVERHEAD;
+            return Err(format!(
+                "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; \
+                 delete what is not needed any more"
+            ));
         }
         // Always JSON: it was just made.
         if let Ok(value) = RawValue::from_string(json) {
@@ -123,7 +117,7 @@ mod tests {
         let mut store = Store::default();
         let value = format!("\"{}\"", "x".repeat(1000));
         let full = (0..2000).find_map(|n| store.set(format!("k{n}"), value.clone()).err());
-        assert!(full.unwrap().to_string().contains("1 MiB"));
+        assert!(full.unwrap().contains("1 MiB"));
         let file = store.take_file().unwrap();
         assert!(
             file.len() <= QUOTA && file.len() > QUOTA - 1100,

@@ -163,7 +163,7 @@ impl ErrorSite<'_> {
         if !self.words.contains("when parsing expression") {
             return None;
         }
-        let failed_at = parser::parse(self.source.text).err()?.at;
+        let failed_at = parser::parse(self.source.text).err()?;
         let before = *self.tokens_before(failed_at).last()?;
         let found = failed_at.of(self.source.text);
         if matches!(found, ")" | "]" | "}")
@@ -202,7 +202,7 @@ impl ErrorSite<'_> {
         if !self.words.contains("when parsing function call") {
             return None;
         }
-        let failed_at = parser::parse(self.source.text).err()?.at;
+        let failed_at = parser::parse(self.source.text).err()?;
         let before = self.tokens_before(failed_at);
         let [.., object, colon, name] = before.as_slice() else {
             return None;

@@ -528,8 +528,10 @@ fn may_be(wanted: &Type, kind: ValueKind<'_>) -> bool {
     use ValueKind as K;
     match (wanted, kind) {
         (_, K::Unknown) | (Type::Any | Type::Payload, _) => true,
-        (Type::Object(wanted), K::Object(object)) if object.name == wanted.name => true,
-        (Type::Object(wanted), K::Table(_) | K::Object(_)) => !wanted.strict,
+        (Type::Object(wanted), K::Object(object)) if object.name == *wanted => true,
+        (Type::Object(wanted), K::Table(_) | K::Object(_)) => {
+            !api::object(wanted).is_some_and(|object| object.strict)
+        }
         (wanted, K::Function(_) | K::Native(_)) => wanted.is_function(),
         (Type::Number(_) | Type::Whole(_), K::Number(_))
         | (Type::Boolean, K::Boolean)

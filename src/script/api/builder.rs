@@ -13,7 +13,7 @@ use mlua::{UserDataFields as _, UserDataRegistry};
 use super::super::arguments::{Args, Refusal, describe};
 use super::super::budget;
 use super::super::failure::printable;
-use super::super::sandbox::{self, Prelude};
+use super::super::sandbox;
 use super::super::state::CANCELLED;
 use super::{Call, Native, NativeResult, Natives, Reply, Shared, convert, modules};
 use crate::api::{self, Function};
@@ -22,7 +22,8 @@ use crate::api::{self, Function};
 pub(super) struct Builder<'a> {
     pub(super) lua: &'a Lua,
     pub(super) shared: &'a Shared,
-    pub(super) prelude: &'a Prelude,
+    /// The prelude's functions.
+    pub(super) prelude: &'a LuaTable,
     natives: BTreeMap<&'static str, Native>,
 }
 
@@ -31,7 +32,7 @@ impl<'a> Builder<'a> {
     pub(super) fn new(
         lua: &'a Lua,
         shared: &'a Shared,
-        prelude: &'a Prelude,
+        prelude: &'a LuaTable,
         natives: &[&Natives],
     ) -> LuaResult<Builder<'a>> {
         let natives: BTreeMap<_, _> = natives.iter().copied().flatten().copied().collect();
@@ -43,7 +44,9 @@ impl<'a> Builder<'a> {
             let mut state = of_state.borrow_mut();
             Ok(std::mem::replace(&mut state.can_wait, can))
         })?;
-        prelude.function("use_can_wait")?.call::<()>(can_wait)?;
+        prelude
+            .raw_get::<LuaFunction>("use_can_wait")?
+            .call::<()>(can_wait)?;
         Ok(Builder {
             lua,
             shared,
@@ -114,7 +117,7 @@ impl<'a> Builder<'a> {
         native: Native,
     ) -> LuaResult<LuaFunction> {
         let native = self.native(row, native, shim == "waiting")?;
-        let shim = self.prelude.function(shim)?;
+        let shim = self.prelude.raw_get::<LuaFunction>(shim)?;
         let show = |_: &Lua, value: LuaValue| Ok(convert::text(&value));
         match row.path {
             "print" => shim.call((native, self.lua.create_function(show)?)),
@@ -145,7 +148,7 @@ impl<'a> Builder<'a> {
                     })
                 }));
                 let Ok(answered) = answered else {
-                    shared.borrow_mut().exit.broken = true;
+                    shared.borrow_mut().broken = true;
                     budget::latch_stopped();
                     return failed(lua, "internal fault");
                 };
@@ -172,7 +175,9 @@ impl<'a> Builder<'a> {
             Ok(sandbox::unknown(&name, &key, &names(lua, &name)))
         };
         let unknown = self.lua.create_function(unknown)?;
-        self.prelude.function("strict")?.call((unknown, owner))
+        self.prelude
+            .raw_get::<LuaFunction>("strict")?
+            .call((unknown, owner))
     }
 
     /// Makes a namespace strict and read-only, and adds it to the globals.
@@ -181,7 +186,9 @@ impl<'a> Builder<'a> {
         meta.raw_set("__index", self.strict(name)?)?;
         meta.raw_set(
             "__newindex",
-            self.prelude.function("locked")?.call::<LuaFunction>(name)?,
+            self.prelude
+                .raw_get::<LuaFunction>("locked")?
+                .call::<LuaFunction>(name)?,
         )?;
         meta.raw_set("__metatable", false)?;
         table.set_metatable(Some(meta))?;

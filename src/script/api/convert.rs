@@ -120,7 +120,7 @@ pub(super) fn payload_to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue
     let row = EventName::from_event(event).and_then(|name| api::event(name.name()));
     let object = row.and_then(|row| row.payload);
     let table = match object {
-        Some(object) => of_row(object.name, table),
+        Some(object) => of_row(object, table),
         None => table,
     };
     Ok(LuaValue::Table(table))

@@ -15,7 +15,7 @@ use super::super::output::{Level, Output};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
 use super::{Builder, Call, NativeResult, Natives, of_row, robot};
-use crate::api::PIXELS;
+use crate::api::Bounds;
 use crate::robot::HostReport;
 use crate::vision::{
     Blob, BlobOptions, Camera, Direction, Image, Line, Roi, Size, brightness, find_qrcodes,
@@ -57,6 +57,9 @@ pub(super) const NATIVES: &Natives = &[
 
 /// `robot.frame` does not return older frames, since the stream has stopped then.
 const STALE: Duration = Duration::from_secs(1);
+
+/// Coordinates and sizes of a part of a frame, in pixels.
+const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 
 /// Distance from a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;
@@ -100,7 +103,6 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     })
 }
 
-/// `robot.frame()`: the newest frame, or nil.
 fn newest(call: &mut Call<'_>) -> NativeResult {
     robot::listen(call, EventName::Frame);
     let now = call.state.now;
@@ -117,7 +119,6 @@ fn wait_frame(call: &mut Call<'_>) -> NativeResult {
     robot::wait_for_event(call, EventName::Frame, time)
 }
 
-/// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
 fn save(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let name = call.args.get::<String>(0)?;
@@ -249,7 +250,6 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
     Ok(table)
 }
 
-/// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
 fn line(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let colours = Colours::parse(call, call.args.value(0))?;
@@ -289,7 +289,6 @@ fn line_mark(line: Line, part: Roi) -> LabelledBlob {
     mark(&blob, "line")
 }
 
-/// `frame:find_qrcodes()`: a list of `{text, corners}`.
 fn qrcodes(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let codes = call
@@ -324,7 +323,6 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Nativ
     call.reply(figure)
 }
 
-/// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
 fn pixel(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);

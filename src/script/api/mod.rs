@@ -26,8 +26,7 @@ use mlua::prelude::{
 use super::arguments::{Args, Refusal};
 use super::budget;
 use super::failure::{SourceLocation, is_runtime_frame};
-use super::options::ScenarioApi;
-use super::sandbox::{self, Prelude};
+use super::sandbox;
 use super::state::State;
 use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
@@ -142,7 +141,7 @@ impl Call<'_> {
     /// Switches a stream on, if it is off, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
         let wanted = self.state.need_stream(stream, Demand::Explicit);
-        wanted.map_err(|why| self.args.misuse(&why.to_string()))
+        wanted.map_err(|why| self.args.misuse(&why))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {
@@ -166,13 +165,9 @@ const NATIVES: &[&Natives] = &[
     vision::NATIVES,
 ];
 
-pub(super) enum ApiSet {
-    Robot,
-    Scenario(Rc<dyn ScenarioApi>),
-}
-
-pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
-    let prelude = Prelude::run(lua, location_function(lua)?)?;
+/// Defines everything that a script can call: a behaviour, or a scenario.
+pub(super) fn install(lua: &Lua, shared: &Shared, is_scenario: bool) -> LuaResult<()> {
+    let prelude = sandbox::run_prelude(lua, location_function(lua)?)?;
     let builder = Builder::new(lua, shared, &prelude, NATIVES)?;
     tasks::register_handle(&builder)?;
     robot::register_subscription(&builder)?;
@@ -184,7 +179,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
         ("clock", builder.namespace("clock")?),
         ("task", tasks::namespace(&builder)?),
     ];
-    if let ApiSet::Robot = api_set {
+    if !is_scenario {
         tables.push(("robot", robot::namespace(&builder)?));
         tables.push(("params", params::namespace(&builder)?));
         for name in ["vision", "store", "journal", "notify"] {
@@ -194,8 +189,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
     for (name, table) in tables {
         builder.close(name, table)?;
     }
-    if let ApiSet::Scenario(scenario_api) = api_set {
-        shared.borrow_mut().scenario_api = Some(scenario_api);
+    if is_scenario {
         scenario::install(&builder)?;
     }
     globals(&builder)?;

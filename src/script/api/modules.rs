@@ -49,7 +49,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
         .create_function(move |_, ()| Ok((shared.borrow().tasks.len(), MAX_TASKS)))?;
     let require: LuaFunction = builder
         .prelude
-        .function("requirer")?
+        .raw_get::<LuaFunction>("requirer")?
         .call((open, done, nearest, mismatch, events, location, tasks))?;
     globals.raw_set("require", require)
 }
@@ -113,7 +113,7 @@ fn open(call: &mut Call<'_>) -> NativeResult {
     drop(bytes);
     let from = requiring_module(call);
     let target = resolve(call.state.modules.folder(from), &path);
-    let target = target.map_err(|why| call.args.misuse(&printable(&why.to_string(), 400)))?;
+    let target = target.map_err(|why| call.args.misuse(&printable(&why, 400)))?;
     let Some(task) = call.state.tasks.current else {
         return Err(call.args.misuse("nothing can be loaded here"));
     };
@@ -147,7 +147,7 @@ fn record_wait(
     let tasks = &call.state.tasks;
     let modules = &mut call.state.modules;
     let recorded = modules.record_wait(from, to, task, |id| tasks.get(id).is_some());
-    recorded.map_err(|why| call.args.misuse(&why.to_string()))
+    recorded.map_err(|why| call.args.misuse(&why))
 }
 
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
@@ -166,7 +166,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             added
         }
     };
-    added.map_err(|why| call.args.misuse(&why.to_string()))
+    added.map_err(|why| call.args.misuse(&why))
 }
 
 /// Tells the prelude what to do next.
@@ -256,9 +256,9 @@ pub(in crate::script) fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progr
     let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
     match compiled {
         Ok(function) => Progress::Ready(function),
-        Err(error) => Progress::Failed(match VmError::from_lua(&error) {
-            VmError::Memory => format!("{chunk}: not enough memory for this module"),
-            VmError::Text(text) => text,
-        }),
+        Err(error) => {
+            let words = format!("{chunk}: not enough memory for this module");
+            Progress::Failed(VmError::from_lua(&error).text_or(&words))
+        }
     }
 }

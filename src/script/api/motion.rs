@@ -3,11 +3,9 @@
 
 use std::time::Duration;
 
-use super::super::motion::Timing;
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
-use crate::api::LONGEST_DRIVE;
 use crate::robot::{DockPlan, Intent, MotionEnd, Setpoint};
 
 pub(super) const NATIVES: &Natives = &[
@@ -25,6 +23,9 @@ pub(super) const NATIVES: &Natives = &[
     ("robot.undock", undock),
     ("robot.cancel_dock", cancel_dock),
 ];
+
+/// The longest drive of one call, in seconds, as in the rows of `robot.move` and `robot.drive`.
+const LONGEST_DRIVE: f64 = 3600.0;
 
 /// Default speed of `forward` and `turn`, as a share of full speed.
 const USUAL: f64 = 0.5;
@@ -50,7 +51,6 @@ impl Tracks {
         }
     }
 
-    /// The speed of the faster track.
     fn fastest(self) -> f64 {
         self.left.abs().max(self.right.abs())
     }
@@ -153,14 +153,9 @@ fn start_motion(
         call.may_wait()?;
     }
     call.make_room(0)?;
-    let motion = {
-        let now = call.state.now;
-        let timing = match time {
-            Some(_) => Timing::Timed { runs_on },
-            None => Timing::Open,
-        };
-        call.state.motion.set(owner, setpoint, timing, now)
-    };
+    let now = call.state.now;
+    let runs_on = time.map(|_| runs_on);
+    let motion = call.state.motion.set(owner, setpoint, runs_on, now);
     call.state.output.send(Intent::Move {
         motion,
         setpoint,
@@ -205,7 +200,6 @@ fn pose(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("PoseEstimate", table))
 }
 
-/// `robot.dock{timeout=180, retries=2, charge_timeout=30}` returns `ok, code, {attempts, seconds}`.
 fn dock(call: &mut Call<'_>) -> NativeResult {
     let options = call.args.options(0)?;
     let plan = DockPlan {
@@ -222,7 +216,6 @@ fn dock(call: &mut Call<'_>) -> NativeResult {
     call.wait(Wait::Dock(id), None)
 }
 
-/// `robot.undock{timeout=20}` returns `ok, code`.
 fn undock(call: &mut Call<'_>) -> NativeResult {
     let timeout = call.args.options(0)?.get("timeout")?;
     if !may_move(call) {

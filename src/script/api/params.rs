@@ -26,7 +26,7 @@ const VALUES: &str = "spykee.params.values";
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
     let names = move |_: &Lua, _: &str| {
-        let declared = &shared.borrow().params.declared;
+        let declared = &shared.borrow().declared_params;
         declared.iter().flat_map(BTreeMap::keys).cloned().collect()
     };
     let strict = builder.strict_with("params", names)?;
@@ -34,10 +34,8 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     builder.namespace("params")
 }
 
-/// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
-/// values.
 fn declare(call: &mut Call<'_>) -> NativeResult {
-    if call.state.params.declared.is_some() {
+    if call.state.declared_params.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
     }
@@ -48,10 +46,10 @@ fn declare(call: &mut Call<'_>) -> NativeResult {
     let mut declared = declarations(call, &table)?;
     let set = declaration::set_given(&mut declared, &call.state.options.params);
     let table = to_lua(call.lua, declared.values())?;
-    call.state.params.declared = Some(declared);
+    call.state.declared_params = Some(declared);
     if let Err(error) = set {
         // A pcall must not continue with a refused value.
-        call.state.params.refused = Some(error.to_string());
+        call.state.refused_params = Some(error);
         budget::latch_stopped();
         return call.reply(());
     }
@@ -68,36 +66,23 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
     }
 }
 
-#[derive(Debug, thiserror::Error)]
-pub(in crate::script) enum SetParamError {
-    #[error("the script declares no parameter '{0}'")]
-    Undeclared(String),
-    #[error("{0} cannot be changed while the script runs")]
-    Fixed(String),
-    #[error("{name} must be {expected}")]
-    Refused { name: String, expected: String },
-    #[error("{name} could not be changed: {source}")]
-    Vm { name: String, source: LuaError },
-}
-
 /// Changes a parameter for a person: the script's table has the new value from now on.
 pub(in crate::script) fn set_live(
     lua: &Lua,
     state: &mut State,
     name: &str,
     value: ParamValue,
-) -> Result<(), SetParamError> {
-    let declared = state.params.declared.as_mut();
+) -> Result<(), String> {
+    let declared = state.declared_params.as_mut();
     let Some(declared) = declared.and_then(|declared| declared.get_mut(name)) else {
-        return Err(SetParamError::Undeclared(printable(name, 60)));
+        let name = printable(name, 60);
+        return Err(format!("the script declares no parameter '{name}'"));
     };
     if !declared.live {
-        return Err(SetParamError::Fixed(name.to_owned()));
+        return Err(format!("{name} cannot be changed while the script runs"));
     }
     if !declared.allows(&value) {
-        let name = name.to_owned();
-        let expected = declared.expected();
-        return Err(SetParamError::Refused { name, expected });
+        return Err(format!("{name} must be {}", declared.expected()));
     }
     let changed = lua
         .named_registry_value::<LuaTable>(VALUES)
@@ -107,10 +92,7 @@ pub(in crate::script) fn set_live(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|source| SetParamError::Vm {
-        name: name.to_owned(),
-        source,
-    })?;
+    changed.map_err(|error| format!("{name} could not be changed: {error}"))?;
     declared.value = value;
     state.show_params();
     Ok(())
@@ -214,7 +196,7 @@ fn declaration(call: &Call<'_>, name: String, about: LuaTable) -> Result<Declare
         live: table.get::<Option<bool>>("live")?.unwrap_or_default(),
         doc: text("doc")?.unwrap_or_default(),
     };
-    check_declaration(&declared).map_err(|error| args.misuse(&error.to_string()))?;
+    check_declaration(&declared).map_err(|error| args.misuse(&error))?;
     Ok(declared)
 }
 

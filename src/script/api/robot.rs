@@ -42,7 +42,10 @@ const BLINKER: &str = "spykee.blinker";
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("robot")?;
     let (led, wait): (LuaFunction, _) = (table.raw_get("led")?, tasks::wait_function(builder)?);
-    let blinker: LuaFunction = builder.prelude.function("blinker")?.call((led, wait))?;
+    let blinker: LuaFunction = builder
+        .prelude
+        .raw_get::<LuaFunction>("blinker")?
+        .call((led, wait))?;
     builder.lua.set_named_registry_value(BLINKER, blinker)?;
     Ok(table)
 }
@@ -67,7 +70,6 @@ fn led(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.blink(name, {on=0.2, off=0.2, count=3})` returns a Task.
 fn blink(call: &mut Call<'_>) -> NativeResult {
     let _: &[Led] = call.args.get(0)?;
     let options = call.args.options(1)?;
@@ -139,7 +141,6 @@ fn stream(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.battery()`: nil before the first report.
 fn battery(call: &mut Call<'_>) -> NativeResult {
     let table = call.state.robot.battery.map(|(battery, at)| {
         let age = call.state.now.saturating_duration_since(at);
@@ -148,7 +149,6 @@ fn battery(call: &mut Call<'_>) -> NativeResult {
     call.reply(table.transpose()?)
 }
 
-/// `robot.info()`: nil before the first connection.
 fn info(call: &mut Call<'_>) -> NativeResult {
     let Some(info) = &call.state.robot.info else {
         return call.reply(LuaValue::Nil);
@@ -162,10 +162,8 @@ fn info(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("Info", table))
 }
 
-struct SubscriptionObject(SubscriptionId);
-
 pub(super) fn register_subscription(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<SubscriptionObject>("Subscription", |_| {})
+    builder.object::<SubscriptionId>("Subscription", |_| {})
 }
 
 impl Argument for EventName {
@@ -201,11 +199,10 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
     listen(call, subscription.event);
     let id = SubscriptionId(call.state.tasks.next_id());
     call.state.subscriptions.insert(id, subscription);
-    let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
+    let object = call.lua.create_any_userdata(id)?;
     call.reply(object)
 }
 
-/// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
 fn wait_for(call: &mut Call<'_>) -> NativeResult {
     let event = call.args.get(0)?;
     let time = call.args.get(1)?;
@@ -221,7 +218,7 @@ pub(super) fn wait_for_event(
     call.may_wait()?;
     let streams = call.state.options.streams;
     match event.stream().map(|stream| streams.allow(stream)) {
-        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why.to_string())),
+        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why)),
         _ => listen(call, event),
     }
     call.wait(Wait::Event(event), time)
@@ -243,7 +240,7 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
 }
 
 fn off(call: &mut Call<'_>) -> NativeResult {
-    let id = call.receiver::<SubscriptionObject>()?.0;
+    let id = *call.receiver::<SubscriptionId>()?;
     call.state.unsubscribe(id);
     call.reply(())
 }

@@ -18,7 +18,7 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;
     let ask = builder.function_with_shim("plain", row, ask)?;
     let wait = wait_function(builder)?;
-    let fail = builder.prelude.function("fail")?;
+    let fail = builder.prelude.raw_get::<LuaFunction>("fail")?;
     let rows = api::object("Sim").map_or(&[][..], |sim| sim.methods);
     let methods = lua.create_table()?;
     for row in rows {
@@ -113,7 +113,7 @@ fn to_lua(lua: &Lua, row: Option<&'static Function>, answer: &Json) -> LuaResult
     let returns = row.and_then(|row| row.returns.first());
     match (returns.map(|one| one.kind), value) {
         (Some(Type::Object(object)), LuaValue::Table(table)) => {
-            Ok(LuaValue::Table(of_row(object.name, table)))
+            Ok(LuaValue::Table(of_row(object, table)))
         }
         (_, value) => Ok(value),
     }

@@ -55,7 +55,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 fn stop(call: &mut Call<'_>) -> NativeResult {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));
-    call.state.exit.stop_requested = Some(reason);
+    call.state.stop_requested = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
@@ -63,12 +63,12 @@ fn stop(call: &mut Call<'_>) -> NativeResult {
 fn on_stop(call: &mut Call<'_>) -> NativeResult {
     call.must_be_running()?;
     let function = call.args.get(0)?;
-    if call.state.exit.stop_handlers.len() >= MAX_STOP_HANDLERS {
+    if call.state.stop_handlers.len() >= MAX_STOP_HANDLERS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.exit.stop_handlers.push_back(function);
+    call.state.stop_handlers.push_back(function);
     call.reply(())
 }
 
@@ -84,7 +84,7 @@ fn usage(call: &mut Call<'_>) -> NativeResult {
     call.reply(of_row("Usage", table))
 }
 
-/// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
+/// The shim has already converted the text with `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
         return Err(call.args.misuse("the text is missing"));
@@ -186,26 +186,23 @@ fn store_set(call: &mut Call<'_>) -> NativeResult {
             .args
             .misuse("value is missing; to remove a key, call store.delete(key)"));
     }
-    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why.to_string()))?;
+    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why))?;
     let set = call.state.store.set(key, json);
-    set.map_err(|full| call.args.misuse(&full.to_string()))?;
+    set.map_err(|full| call.args.misuse(&full))?;
     call.reply(())
 }
 
-/// `store.delete(key)` returns whether the key existed.
 fn store_delete(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let was_there = call.state.store.delete(&key);
     call.reply(was_there)
 }
 
-/// `store.keys()`, sorted.
 fn store_keys(call: &mut Call<'_>) -> NativeResult {
     let keys = call.lua.create_sequence_from(call.state.store.keys())?;
     call.reply(keys)
 }
 
-/// `journal.add(kind, fields)`: returns whether there was room.
 fn journal_add(call: &mut Call<'_>) -> NativeResult {
     let kind = call.args.get::<String>(0)?;
     let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
@@ -234,7 +231,6 @@ fn journal_add(call: &mut Call<'_>) -> NativeResult {
     call.reply(kept)
 }
 
-/// `notify.send(text, {picture=})`: returns whether the message is within the daily limit.
 fn notify_send(call: &mut Call<'_>) -> NativeResult {
     let text = call.args.get::<String>(0)?;
     if text.trim().is_empty() {

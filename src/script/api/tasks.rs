@@ -30,13 +30,14 @@ pub(super) const NATIVES: &Natives = &[
 const WAIT: &str = "task.wait";
 const EVERY: &str = "task.every";
 
-pub(super) struct TaskObject(Rc<Handle>);
-
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("task")?;
     if let Some(row) = api::function(EVERY) {
         let beat = builder.function_with_shim("waiting", row, beat)?;
-        let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
+        let beats: LuaFunction = builder
+            .prelude
+            .raw_get::<LuaFunction>("beats")?
+            .call(beat)?;
         builder.lua.set_named_registry_value(BEATS, beats)?;
     }
     Ok(table)
@@ -52,13 +53,12 @@ pub(super) fn wait_function(builder: &Builder<'_>) -> LuaResult<LuaFunction> {
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<TaskObject>("Task", |registry| {
-        registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
-        registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
+    builder.object::<Rc<Handle>>("Task", |registry| {
+        registry.add_field_method_get("status", |_, task| Ok(task.status.get().name()));
+        registry.add_field_method_get("missed", |_, task| Ok(task.missed.get()));
     })
 }
 
-/// `task.wait(seconds)` returns the seconds that passed.
 fn wait(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(0)?;
     call.may_wait()?;
@@ -66,7 +66,6 @@ fn wait(call: &mut Call<'_>) -> NativeResult {
     call.wait(Wait::Time { since }, Some(time))
 }
 
-/// `task.now()`: seconds since the script started.
 fn now(call: &mut Call<'_>) -> NativeResult {
     let time = call.state.now.saturating_duration_since(call.state.start);
     call.reply(time.as_secs_f64())
@@ -124,7 +123,7 @@ pub(super) fn begin(
     start: Option<Instant>,
 ) -> NativeResult {
     let handle = add(call, function, TaskKind::Spawned, values, start)?;
-    let object = call.lua.create_any_userdata(TaskObject(handle))?;
+    let object = call.lua.create_any_userdata(handle)?;
     call.reply(object)
 }
 
@@ -173,7 +172,6 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
     run_group(call, rule, children.collect(), None)
 }
 
-/// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
 fn timeout(call: &mut Call<'_>) -> NativeResult {
     let time: Duration = call.args.get(0)?;
     let function = call.args.get(1)?;
@@ -211,7 +209,7 @@ fn run_group(
 }
 
 fn receiver(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
-    Ok(Rc::clone(&call.receiver::<TaskObject>()?.0))
+    Ok(Rc::clone(&*call.receiver::<Rc<Handle>>()?))
 }
 
 fn cancel(call: &mut Call<'_>) -> NativeResult {
@@ -220,7 +218,6 @@ fn cancel(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `Task:join(timeout)` returns `ok, status`, for a failed task also its message.
 fn join(call: &mut Call<'_>) -> NativeResult {
     let handle = receiver(call)?;
     let time = call.args.get(0)?;

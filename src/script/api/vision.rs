@@ -1,6 +1,5 @@
 //! `vision.*`: colours, and objects that examine one frame after the other.
 
-use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -30,54 +29,46 @@ pub(super) const NATIVES: &Natives = &[
 ];
 
 /// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
-const MAX_WATCHERS: u32 = 16;
+const MAX_WATCHERS: usize = 16;
 /// Largest number of frames of one `vision.learn`: each is decoded into its own buffer.
 const MAX_LEARN_FRAMES: usize = 16;
 /// A frame that arrives within this time after the robot has moved may still show motion: pictures
 /// are late, and the robot coasts and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
 
-/// Counts an object until it is dropped.
-struct CountGuard(Rc<Cell<u32>>);
-
-impl Drop for CountGuard {
-    fn drop(&mut self) {
-        self.0.set(self.0.get().saturating_sub(1));
-    }
-}
-
 struct TrackerObject {
     tracker: Tracker,
     colours: Colours,
-    _count_guard: CountGuard,
+    /// Counts the object until it is dropped.
+    _watcher: Rc<()>,
 }
 
 struct DetectorObject {
     detector: MotionDetector,
-    _count_guard: CountGuard,
+    /// Counts the object until it is dropped.
+    _watcher: Rc<()>,
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    builder.object::<ColourObject>("Colour", |registry| {
-        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
+    builder.object::<Colour>("Colour", |registry| {
+        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.to_string()));
     })?;
     builder.object::<TrackerObject>("Tracker", |_| {})?;
     builder.object::<DetectorObject>("Detector", |_| {})
 }
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
-fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
+fn count(call: &Call<'_>) -> Result<Rc<()>, Refusal> {
     let watchers = &call.state.frames.watchers;
-    if watchers.get() >= MAX_WATCHERS {
+    if Rc::strong_count(watchers) > MAX_WATCHERS {
         call.lua.gc_collect()?;
     }
-    if watchers.get() >= MAX_WATCHERS {
+    if Rc::strong_count(watchers) > MAX_WATCHERS {
         return Err(call.args.misuse(&format!(
             "there are {MAX_WATCHERS} trackers and detectors already; make them once, outside of loops"
         )));
     }
-    watchers.set(watchers.get() + 1);
-    Ok(CountGuard(Rc::clone(watchers)))
+    Ok(Rc::clone(watchers))
 }
 
 fn tracker(call: &mut Call<'_>) -> NativeResult {
@@ -91,7 +82,7 @@ fn tracker(call: &mut Call<'_>) -> NativeResult {
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),
         colours,
-        _count_guard: count(call)?,
+        _watcher: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -105,7 +96,6 @@ fn with_tracker<R>(
     work(call, &mut object)
 }
 
-/// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
 fn track(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
@@ -150,7 +140,6 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
     Ok(of_row("Track", table))
 }
 
-/// `Tracker:best()`: the one to follow, or nil.
 fn best(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         let track = object.tracker.best();
@@ -175,7 +164,7 @@ fn detector(call: &mut Call<'_>) -> NativeResult {
     };
     let object = DetectorObject {
         detector: MotionDetector::new(options, call.state.options.camera),
-        _count_guard: count(call)?,
+        _watcher: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -214,7 +203,6 @@ fn motion_table(lua: &Lua, score: f64, pixels: u32, blobs: &[Blob]) -> LuaResult
     Ok(of_row("Motion", table))
 }
 
-/// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
 fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
@@ -225,7 +213,7 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let images: Vec<&Image> = images.iter().collect();
     match learn(&images, part) {
         Ok(learned) => {
-            let colour = call.lua.create_any_userdata(ColourObject(learned.colour))?;
+            let colour = call.lua.create_any_userdata(learned.colour)?;
             let info = call.lua.create_table_with_capacity(0, 1)?;
             info.raw_set("quality", learned.quality)?;
             call.reply((colour, of_row("Learned", info)))
@@ -255,8 +243,6 @@ fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
         .collect()
 }
 
-pub(super) struct ColourObject(pub(super) Colour);
-
 /// The colours of one search, with the names under which their blobs are reported.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Colours {
@@ -274,7 +260,6 @@ impl Colours {
         Ok(colours)
     }
 
-    /// The colour name of a blob; empty if its colour has no name.
     pub(super) fn name_of(&self, blob: &Blob) -> &str {
         let name = self.names.get(blob.colour).and_then(Option::as_deref);
         name.unwrap_or_default()
@@ -322,8 +307,8 @@ fn named(call: &Call<'_>, name: &str) -> Result<Colour, Refusal> {
 
 fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
     let object = value.as_userdata();
-    let object = object.and_then(|object| object.borrow::<ColourObject>().ok());
-    object.map(|object| object.0).ok_or_else(|| {
+    let object = object.and_then(|object| object.borrow::<Colour>().ok());
+    object.map(|object| *object).ok_or_else(|| {
         call.args.misuse(&format!(
             "a colour must be a name, vision.lab{{...}} or vision.hsv{{...}}, got {}",
             describe(value)
@@ -345,6 +330,6 @@ pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
 
 fn made(call: &Call<'_>, colour: Result<Colour, ColourError>) -> NativeResult {
     let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
-    let object = call.lua.create_any_userdata(ColourObject(colour))?;
+    let object = call.lua.create_any_userdata(colour)?;
     call.reply(object)
 }

@@ -1,5 +1,6 @@
+use super::vision::show;
 use super::*;
-use crate::robot::{Battery, Frame, Percent, SafetyAction};
+use crate::robot::{Battery, Percent, SafetyAction};
 use bytes::Bytes;
 
 fn battery(percent: u8, charging: bool) -> Battery {
@@ -14,15 +15,11 @@ fn battery(percent: u8, charging: bool) -> Battery {
 const MARKERS: &[u8] = b"\xFF\xD8\xFF\xC0\0\x0B\x08\0\xF0\x01\x40\x01\x01\x11\0\
                          \xFF\xDA\0\x08\x01\x01\0\0\x3F\0\x55\xFF\xD9";
 
-/// A frame of `size` bytes, most of them padding.
-fn frame(rig: &Rig, seq: u64, size: usize) -> Frame {
+/// Delivers a frame of `size` bytes, most of them padding.
+fn deliver_frame(rig: &mut Rig, seq: u64, size: usize) {
     let mut jpeg = MARKERS.to_vec();
     jpeg.resize(size, 0);
-    Frame {
-        seq,
-        at: rig.now,
-        jpeg: Bytes::from(jpeg),
-    }
+    show(rig, seq, &Bytes::from(jpeg));
 }
 
 #[test]
@@ -162,9 +159,7 @@ fn a_rate_spaces_the_runs() {
     let mut rig =
         Rig::new("robot.on('frame', function(f) print(f.seq, task.now()) end, {rate = 2})");
     for seq in 1..=20 {
-        let frame = frame(&rig, seq, 100);
-        rig.script.deliver_frame(frame, rig.now);
-        rig.run();
+        deliver_frame(&mut rig, seq, 100);
         rig.pass(0.1);
     }
     assert_eq!(rig.texts(), ["1 0", "5 0.5", "10 1", "15 1.5", "20 2"]);
@@ -213,9 +208,7 @@ fn the_newest_frame_wins() {
          task.delay(1.5, function() print(robot.frame().seq) task.wait(5) print(robot.frame()) end)",
     );
     for seq in 1..=4 {
-        let frame = frame(&rig, seq, 100);
-        rig.script.deliver_frame(frame, rig.now);
-        rig.run();
+        deliver_frame(&mut rig, seq, 100);
         rig.pass(0.2);
     }
     rig.pass(9.0);
@@ -230,15 +223,11 @@ fn the_size_of_kept_frames_is_bounded() {
         |options| options.limits.memory_bytes = 1 << 20,
     );
     for seq in 1..=100 {
-        let frame = frame(&rig, seq, 10_000);
-        rig.script.deliver_frame(frame, rig.now);
-        rig.run();
+        deliver_frame(&mut rig, seq, 10_000);
     }
     assert!(rig.script.ended().is_none());
     for seq in 101..=220 {
-        let frame = frame(&rig, seq, 10_000);
-        rig.script.deliver_frame(frame, rig.now);
-        rig.run();
+        deliver_frame(&mut rig, seq, 10_000);
     }
     rig.assert_ended(EndReason::Memory, "of frames");
 }

@@ -32,14 +32,14 @@ fn every_example_runs() {
         api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
     for namespace in of_behaviours {
         for function in namespace.functions {
-            runs(function.path, function.example());
+            runs(function.path, function.example);
         }
         for constant in namespace.constants {
-            runs(constant.path, constant.example());
+            runs(constant.path, constant.example);
         }
     }
     for method in api::methods().filter(|one| one.owner() != "sim") {
-        let example = method.example();
+        let example = method.example;
         let source = if example.contains("frame") {
             format!("robot.on('frame', function(frame)\n{example}\nend)")
         } else {
@@ -53,9 +53,9 @@ fn every_example_runs() {
 fn every_example_of_a_module_runs() {
     for module in api::modules() {
         let name = module.name;
-        runs(name, module.example());
+        runs(name, module.example);
         for function in module.functions {
-            let example = function.example();
+            let example = function.example;
             let source = format!("local {name} = require('@spykee/{name}')\n{example}");
             runs(function.path, &source);
         }

@@ -205,8 +205,6 @@ fn split_and_sort_do_what_luau_does() {
     assert_eq!(
         text,
         "a|b||c\na,b\na|b|c\n\na|b|\nx|y|z\n0\n1 2 3\n3 2 1\n3 a-b k v\none\ntwo"
-            .replace("3 a-b k v", "3 3 a-b 1 k v")
-            .replace("3 3 a-b 1 k v", "3 a-b k v")
     );
 }
 

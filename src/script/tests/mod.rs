@@ -188,6 +188,12 @@ pub(crate) fn failure_with(source: &str, explain: Explain) -> String {
     rig.exit().message.unwrap_or_default()
 }
 
+/// Pairs of a text and what comes of it, one a line: `TEXT => WORDS`.
+pub(crate) fn cases(lines: &str) -> impl Iterator<Item = (&str, &str)> {
+    let lines = lines.lines().map(str::trim);
+    lines.map(|line| line.split_once(" => ").expect("a pair"))
+}
+
 fn connected(docked: bool) -> Event {
     let info = RobotInfo {
         uid: "SPYKEE0001".to_owned(),

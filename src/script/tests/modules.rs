@@ -141,22 +141,16 @@ fn a_cancelled_load_is_started_again() {
 
 #[test]
 fn invalid_paths_are_reported() {
-    for (source, words) in [
-        ("require('pid')", "a path begins with ./ or ../"),
-        ("require('../x')", "leaves the behaviour's folder"),
-        ("require('/etc/passwd')", "a path begins with"),
-        ("require(42)", "the path must be a string"),
-        (
-            "require('./' .. ('x'):rep(1e6))",
-            "too long: at most 200 bytes",
-        ),
-        ("require('./\\xff')", "must be UTF-8"),
-        ("require('@spykee/fms')", "did you mean '@spykee/fsm'?"),
-        (
-            "require('./nowhere')",
-            "test.lua:1: require: module 'nowhere' was not found",
-        ),
-    ] {
+    for (source, words) in cases(
+        r"require('pid') => a path begins with ./ or ../
+          require('../x') => leaves the behaviour's folder
+          require('/etc/passwd') => a path begins with
+          require(42) => the path must be a string
+          require('./' .. ('x'):rep(1e6)) => too long: at most 200 bytes
+          require('./\xff') => must be UTF-8
+          require('@spykee/fms') => did you mean '@spykee/fsm'?
+          require('./nowhere') => test.lua:1: require: module 'nowhere' was not found",
+    ) {
         let rig = run(source, &[]);
         rig.assert_ended(EndReason::Error, words);
     }
@@ -221,40 +215,19 @@ fn easy_is_tolerant_and_its_errors_are_for_beginners() {
     assert_eq!(intents.len(), 5, "{intents:?}");
     rig.deliver(motion_ended(&intents[4], MotionEnd::Done));
     assert_eq!(rig.texts(), ["true"]);
-    for (line, words) in [
-        (
-            "easy.forward('fast')",
-            "easy.forward: how many seconds? A number is needed, such as 1",
-        ),
-        (
-            "easy.forward(1, 500)",
-            "what speed? It must be from 1 to 100, got 500",
-        ),
-        (
-            "easy.drive(5000)",
-            "how many centimetres? It must be from -1000 to 1000, got 5000",
-        ),
-        ("easy.light('left', 'maybe')", "on or off?"),
-        ("easy.light('lfet')", "easy.light: unknown light 'lfet'"),
-        ("easy.light(nil)", "easy.light: light is missing"),
-        ("easy.sound('lauhg')", "easy.sound: unknown sound 'lauhg'"),
-        (
-            "table.sort({ 1, 2 }, function() easy.forward(1) return true end)",
-            "easy.forward: nothing can wait here",
-        ),
-        (
-            "table.sort({ 1, 2 }, function() easy.wait(1) return true end)",
-            "easy.wait: nothing can wait here",
-        ),
-        (
-            "table.sort({ 1, 2 }, function() easy.go_home() return true end)",
-            "easy.go_home: nothing can wait here",
-        ),
-        (
-            "easy.foward(1)",
-            "easy.foward does not exist; did you mean 'forward'?",
-        ),
-    ] {
+    for (line, words) in cases(
+        "easy.forward('fast') => easy.forward: how many seconds? A number is needed, such as 1
+         easy.forward(1, 500) => what speed? It must be from 1 to 100, got 500
+         easy.drive(5000) => how many centimetres? It must be from -1000 to 1000, got 5000
+         easy.light('left', 'maybe') => on or off?
+         easy.light('lfet') => easy.light: unknown light 'lfet'
+         easy.light(nil) => easy.light: light is missing
+         easy.sound('lauhg') => easy.sound: unknown sound 'lauhg'
+         table.sort({ 1, 2 }, function() easy.forward(1) return true end) => easy.forward: nothing can wait here
+         table.sort({ 1, 2 }, function() easy.wait(1) return true end) => easy.wait: nothing can wait here
+         table.sort({ 1, 2 }, function() easy.go_home() return true end) => easy.go_home: nothing can wait here
+         easy.foward(1) => easy.foward does not exist; did you mean 'forward'?",
+    ) {
         let text = failure(&format!("local easy = require('@spykee/easy')\n{line}"));
         assert!(
             text.starts_with("test.lua:2: ") && text.contains(words),

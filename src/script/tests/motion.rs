@@ -169,57 +169,24 @@ fn stop_always_works() {
 
 #[test]
 fn wrong_numbers_are_refused_with_a_message() {
-    for (call, words) in [
-        (
-            "robot.move(140, 0)",
-            "robot.move: left must be between -100 and 100, got 140",
-        ),
-        (
-            "robot.move(0, -100.5)",
-            "robot.move: right must be between -100 and 100, got -100.5",
-        ),
-        (
-            "robot.move(0/0, 0)",
-            "robot.move: left must be a number, got NaN",
-        ),
-        (
-            "robot.move(10)",
-            "robot.move: right is missing; it must be a number",
-        ),
-        (
-            "robot.move('fast', 0)",
-            "robot.move: left must be a number, got 'fast'",
-        ),
-        (
-            "robot:move(10, 10)",
-            "call it with a dot: robot.move, not robot:move",
-        ),
-        (
-            "robot.move(10, 10, -1)",
-            "seconds must be above 0 and at most 3600, got -1",
-        ),
-        ("robot.move(10, 10, 0)", "seconds must be above 0"),
-        (
-            "robot.drive(math.huge, 0)",
-            "linear must be between -1000 and 1000, got inf",
-        ),
-        ("robot.forward(1, 0)", "speed must be above 0"),
-        ("robot.forward(1e5)", "that would take"),
-        ("robot.turn()", "robot.turn: angle is missing"),
-        (
-            "robot.dock{timeout = 0}",
-            "timeout must be between 1 and 3600, got 0",
-        ),
-        (
-            "robot.dock{retries = 1.5}",
-            "retries must be a whole number",
-        ),
-        (
-            "robot.dock{retrys = 1}",
-            "unknown option 'retrys'; did you mean 'retries'?",
-        ),
-        ("robot.dock(5)", "the options must be a table, got 5"),
-    ] {
+    for (call, words) in cases(
+        "robot.move(140, 0) => robot.move: left must be between -100 and 100, got 140
+         robot.move(0, -100.5) => robot.move: right must be between -100 and 100, got -100.5
+         robot.move(0/0, 0) => robot.move: left must be a number, got NaN
+         robot.move(10) => robot.move: right is missing; it must be a number
+         robot.move('fast', 0) => robot.move: left must be a number, got 'fast'
+         robot:move(10, 10) => call it with a dot: robot.move, not robot:move
+         robot.move(10, 10, -1) => seconds must be above 0 and at most 3600, got -1
+         robot.move(10, 10, 0) => seconds must be above 0
+         robot.drive(math.huge, 0) => linear must be between -1000 and 1000, got inf
+         robot.forward(1, 0) => speed must be above 0
+         robot.forward(1e5) => that would take
+         robot.turn() => robot.turn: angle is missing
+         robot.dock{timeout = 0} => timeout must be between 1 and 3600, got 0
+         robot.dock{retries = 1.5} => retries must be a whole number
+         robot.dock{retrys = 1} => unknown option 'retrys'; did you mean 'retries'?
+         robot.dock(5) => the options must be a table, got 5",
+    ) {
         let text = failure(call);
         assert!(text.starts_with("test.lua:1: "), "{text}");
         assert!(text.contains(words), "{text:?} lacks {words:?}");

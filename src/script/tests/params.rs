@@ -33,6 +33,8 @@ fn a_bad_value_ends_the_script_before_anything_moves_even_inside_pcall() {
             "--param speed=500: speed must be a number from 10 to 100 %",
         ),
         ("speed", "fast", "--param speed=fast: "),
+        ("speed", "nan", "--param speed=nan: "),
+        ("speed", "", "--param speed=: "),
         ("mode", "crazy", "mode must be one of calm, wild"),
         ("loud", "yes", "loud must be true or false"),
         ("sped", "50", "did you mean 'speed'?"),
@@ -44,6 +46,18 @@ fn a_bad_value_ends_the_script_before_anything_moves_even_inside_pcall() {
         rig.assert_ended(EndReason::Error, words);
         assert_eq!(rig.intents, []);
     }
+}
+
+#[test]
+fn a_value_of_the_config_must_have_the_declared_type() {
+    let rig = Rig::with(SPEED, |options| {
+        let value = ParamValue::Text("50".to_owned());
+        let origin = ParamOrigin::Config("spykee.yaml".to_owned());
+        let given = GivenParam { value, origin };
+        options.params.insert("speed".to_owned(), given);
+    });
+    let words = "spykee.yaml: params: speed: 50: speed must be a number from 10 to 100 %";
+    rig.assert_ended(EndReason::Error, words);
 }
 
 #[test]
@@ -62,35 +76,20 @@ fn values_for_a_script_that_declares_nothing_are_refused() {
 
 #[test]
 fn mistakes_in_a_declaration_are_reported() {
-    for (source, words) in [
-        ("params.declare()", "it needs a table"),
-        ("params.declare{ speed = 40 }", "speed must be a table"),
-        ("params.declare{ speed = {} }", "speed: default is missing"),
-        (
-            "params.declare{ speed = {default = 5, min = 10} }",
-            "speed: default must be a number of at least 10",
-        ),
-        (
-            "params.declare{ speed = {defualt = 5} }",
-            "did you mean 'default'?",
-        ),
-        ("params.declare{ speed = {default = 0/0} }", "finite number"),
-        (
-            "params.declare{ speed = {default = true, max = 3} }",
-            "for numbers only",
-        ),
-        ("params.declare{ ['a b'] = {default = 1} }", "is not a name"),
-        ("params.declare{ {default = 1} }", "names are texts"),
-        ("params.declare{} params.declare{}", "called before"),
-        (
-            "local p = params.declare{ speed = {default = 1} } print(p.sped)",
-            "did you mean 'speed'?",
-        ),
-        (
-            "local p = params.declare{ speed = {default = 1} } p.speed = 2",
-            "readonly",
-        ),
-    ] {
+    for (source, words) in cases(
+        "params.declare() => it needs a table
+         params.declare{ speed = 40 } => speed must be a table
+         params.declare{ speed = {} } => speed: default is missing
+         params.declare{ speed = {default = 5, min = 10} } => speed: default must be a number of at least 10
+         params.declare{ speed = {defualt = 5} } => did you mean 'default'?
+         params.declare{ speed = {default = 0/0} } => finite number
+         params.declare{ speed = {default = true, max = 3} } => for numbers only
+         params.declare{ ['a b'] = {default = 1} } => is not a name
+         params.declare{ {default = 1} } => names are texts
+         params.declare{} params.declare{} => called before
+         local p = params.declare{ speed = {default = 1} } print(p.sped) => did you mean 'speed'?
+         local p = params.declare{ speed = {default = 1} } p.speed = 2 => readonly",
+    ) {
         let text = failure(source);
         assert!(text.contains(words), "{source}: {text}");
     }

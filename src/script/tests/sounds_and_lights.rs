@@ -27,32 +27,17 @@ fn lights_sounds_and_volume_become_intents() {
 
 #[test]
 fn unknown_names_are_errors_with_the_nearest() {
-    for (call, words) in [
-        (
-            "robot.led('lef', true)",
-            "unknown light 'lef'; did you mean 'left'? (known: flash, left, right, all)",
-        ),
-        (
-            "robot.led('left')",
-            "on is missing; it must be true or false",
-        ),
-        ("robot.led('left', 1)", "on must be true or false, got 1"),
-        (
-            "robot.play('lazer')",
-            "unknown sound 'lazer'; did you mean 'laser'?",
-        ),
-        ("robot.play('unknown')", "unknown sound 'unknown'"),
-        (
-            "robot.volume(101)",
-            "percent must be between 0 and 100, got 101",
-        ),
-        ("robot.stream('vido', true)", "did you mean 'video'?"),
-        (
-            "robot.blink('all', {count = -1})",
-            "count must be between 0",
-        ),
-        ("robot.play(('x'):rep(1e6))", "unknown sound 'xxxx"),
-    ] {
+    for (call, words) in cases(
+        "robot.led('lef', true) => unknown light 'lef'; did you mean 'left'? (known: flash, left, right, all)
+         robot.led('left') => on is missing; it must be true or false
+         robot.led('left', 1) => on must be true or false, got 1
+         robot.play('lazer') => unknown sound 'lazer'; did you mean 'laser'?
+         robot.play('unknown') => unknown sound 'unknown'
+         robot.volume(101) => percent must be between 0 and 100, got 101
+         robot.stream('vido', true) => did you mean 'video'?
+         robot.blink('all', {count = -1}) => count must be between 0
+         robot.play(('x'):rep(1e6)) => unknown sound 'xxxx",
+    ) {
         let text = failure(call);
         assert!(text.contains(words), "{text:?} lacks {words:?}");
         assert!(text.len() < 400, "{} bytes", text.len());

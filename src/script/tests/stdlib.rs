@@ -112,23 +112,14 @@ fn exit_always_runs_and_nothing_is_entered_after_a_stop() {
 
 #[test]
 fn fsm_names_states_that_do_not_exist() {
-    for (states, words) in [
-        (
-            "a = {timeout = {1, 'bb'}}, b = {}",
-            "there is no state 'bb' (states: a, b)",
-        ),
-        ("a = {on = {docked = 'c'}}", "there is no state 'c'"),
-        ("a = {entre = print}", "unknown key 'entre'"),
-        (
-            "a = {task = function() return 'x' end}",
-            "there is no state 'x'",
-        ),
-        ("b = {}", "initial: there is no state 'a'"),
-        (
-            "a = {on = {dockd = 'a'}}",
-            "state a: on: event.dockd does not exist; did you mean 'docked'?",
-        ),
-    ] {
+    for (states, words) in cases(
+        "a = {timeout = {1, 'bb'}}, b = {} => there is no state 'bb' (states: a, b)
+         a = {on = {docked = 'c'}} => there is no state 'c'
+         a = {entre = print} => unknown key 'entre'
+         a = {task = function() return 'x' end} => there is no state 'x'
+         b = {} => initial: there is no state 'a'
+         a = {on = {dockd = 'a'}} => state a: on: event.dockd does not exist; did you mean 'docked'?",
+    ) {
         let text = failure(&format!(
             "require('@spykee/fsm').new({{initial = 'a', states = {{{states}}}}}):run()"
         ));
@@ -227,24 +218,12 @@ fn machines_and_trees_log_their_transitions() {
 
 #[test]
 fn an_error_in_a_tree_names_the_node() {
-    for (nodes, words) in [
-        (
-            "local function drive() error('ouch') end bt.run(bt.sequence(bt.retry(2, drive)))",
-            "test.lua:1: ouch (in the node drive)",
-        ),
-        (
-            "bt.run(bt.fallback(bt.name('look', function() error('ouch') end)))",
-            "ouch (in the node look)",
-        ),
-        (
-            "bt.run(bt.timeout(3, bt.action{run = function() error('ouch') end, halt = function() end}))",
-            "ouch (in the node of line 1)",
-        ),
-        (
-            "local function drive() return 1 end bt.run(bt.parallel({}, drive))",
-            "bt: the node drive must return true or false, got number",
-        ),
-    ] {
+    for (nodes, words) in cases(
+        "local function drive() error('ouch') end bt.run(bt.sequence(bt.retry(2, drive))) => test.lua:1: ouch (in the node drive)
+         bt.run(bt.fallback(bt.name('look', function() error('ouch') end))) => ouch (in the node look)
+         bt.run(bt.timeout(3, bt.action{run = function() error('ouch') end, halt = function() end})) => ouch (in the node of line 1)
+         local function drive() return 1 end bt.run(bt.parallel({}, drive)) => bt: the node drive must return true or false, got number",
+    ) {
         let text = failure(&format!("local bt = require('@spykee/bt') {nodes}"));
         assert!(text.contains(words), "{text}");
         assert!(text.matches("(in the node").count() <= 1, "{text}");

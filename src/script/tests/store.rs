@@ -25,26 +25,20 @@ fn plain_data_is_restored_unchanged() {
 
 #[test]
 fn other_values_than_plain_data_are_refused_with_a_message() {
-    for (value, words) in [
-        ("print", "a function cannot be stored"),
-        ("0/0", "must be finite"),
-        ("math.huge", "must be finite"),
-        ("'\\xff'", "must be UTF-8"),
-        ("{1, nil, 3}", "without gaps"),
-        ("{1, a = 2}", "without gaps"),
-        ("{[2.5] = 1}", "only strings as keys"),
-        (
-            "(function() local t = {} t.t = t return t end)()",
-            "contains itself",
-        ),
-        ("nil", "store.delete"),
-        ("('x'):rep(1.2e6)", "longer than 1048576 bytes"),
-        ("table.create(30000, 1)", "at most 20000 values"),
-        (
-            "(function() local t = {} for _ = 1, 6 do t = {t, t, t, t, t, t, t, t} end return t end)()",
-            "at most 20000 values",
-        ),
-    ] {
+    for (value, words) in cases(
+        r"print => a function cannot be stored
+          0/0 => must be finite
+          math.huge => must be finite
+          '\xff' => must be UTF-8
+          {1, nil, 3} => without gaps
+          {1, a = 2} => without gaps
+          {[2.5] = 1} => only strings as keys
+          (function() local t = {} t.t = t return t end)() => contains itself
+          nil => store.delete
+          ('x'):rep(1.2e6) => longer than 1048576 bytes
+          table.create(30000, 1) => at most 20000 values
+          (function() local t = {} for _ = 1, 6 do t = {t, t, t, t, t, t, t, t} end return t end)() => at most 20000 values",
+    ) {
         let text = failure(&format!("store.set('key', {value})"));
         assert!(text.contains(words), "{value}: {text}");
     }
@@ -101,30 +95,18 @@ fn entries_and_messages_are_sent_unchanged() {
 
 #[test]
 fn invalid_entries_and_messages_are_refused_with_a_message() {
-    for (call, words) in [
-        ("journal.add('')", "one word"),
-        ("journal.add('two words')", "one word"),
-        ("journal.add('moved', {1, 2})", "must have names"),
-        (
-            "journal.add('moved', {f = print})",
-            "a function cannot be stored",
-        ),
-        (
-            "journal.add('moved', {t = ('x'):rep(5000)})",
-            "longer than 4096 bytes",
-        ),
-        ("notify.send(' ')", "the text is empty"),
-        ("notify.send(('x'):rep(1001))", "1000"),
-        (
-            "notify.send('x', {picture = '/etc/passwd'})",
-            "a path that frame:save returned",
-        ),
-        (
-            "notify.send('x', {picture = '../b/1.jpg'})",
-            "a path that frame:save returned",
-        ),
-        ("notify.send('x', {image = '1.jpg'})", "image"),
-    ] {
+    for (call, words) in cases(
+        "journal.add('') => one word
+         journal.add('two words') => one word
+         journal.add('moved', {1, 2}) => must have names
+         journal.add('moved', {f = print}) => a function cannot be stored
+         journal.add('moved', {t = ('x'):rep(5000)}) => longer than 4096 bytes
+         notify.send(' ') => the text is empty
+         notify.send(('x'):rep(1001)) => 1000
+         notify.send('x', {picture = '/etc/passwd'}) => a path that frame:save returned
+         notify.send('x', {picture = '../b/1.jpg'}) => a path that frame:save returned
+         notify.send('x', {image = '1.jpg'}) => image",
+    ) {
         let rig = Rig::new(&format!("print(pcall(function() {call} end))"));
         let text = rig.texts().join("\n");
         assert!(

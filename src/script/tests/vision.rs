@@ -136,70 +136,28 @@ fn colours_come_from_names_the_config_and_ranges() {
 #[test]
 fn mistakes_are_reported_with_a_message() {
     let jpeg = picture(&[]);
-    for (call, words) in [
-        (
-            "f:find_blobs('rde')",
-            "Frame:find_blobs: unknown colour 'rde'; did you mean 'red'? (known: red,",
-        ),
-        (
-            "f:find_blobs()",
-            "a colour must be a name, vision.lab{...} or vision.hsv{...}, got nothing",
-        ),
-        (
-            "f:find_blobs({})",
-            "a list of colours has 1 to 32 of them, got 0",
-        ),
-        (
-            "f:find_blobs('red', {roy = 1})",
-            "unknown option 'roy'; did you mean 'roi'?",
-        ),
-        (
-            "f:find_blobs('red', {roi = {1, 2, 3}})",
-            "roi's h is missing",
-        ),
-        (
-            "f:find_blobs('red', {merge = 1})",
-            "merge must be true or false, got 1",
-        ),
-        (
-            "f:find_blobs('red', {area_threshold = -1})",
-            "area_threshold must be between 0",
-        ),
-        (
-            "f.find_blobs('red')",
-            "call it on a frame with a colon, like frame:find_blobs()",
-        ),
-        (
-            "print(f.widht)",
-            "Frame.widht does not exist; did you mean 'width'?",
-        ),
-        (
-            "vision.lab{l = {30}}",
-            "l must be two numbers, such as l={20, 80}",
-        ),
-        ("vision.lab{h = {1, 2}}", "unknown option 'h'"),
-        ("vision.hsv{s = {50, 20}}", "write the smaller number first"),
-        ("vision.hsv{h = {-5, 20}}", "must lie within 0..360"),
-        ("vision.tracker{}", "a colour must be a name"),
-        (
-            "vision.tracker{color = 'red'}",
-            "unknown option 'color'; did you mean 'colour'?",
-        ),
-        (
-            "vision.tracker{colour = 'red'}:update(5)",
-            "Tracker:update: frame must be a Frame, got 5",
-        ),
-        (
-            "vision.motion{threshold = 300}",
-            "threshold must be between 0 and 255",
-        ),
-        ("vision.learn({}, {1, 2, 3, 4})", "a list of 1 to 16 frames"),
-        ("f:save('../x')", "the name may have letters"),
-        (
-            "for i = 1, 100 do _G['t' .. i] = vision.tracker{colour = 'red'} end",
-            "there are 16 trackers and detectors already",
-        ),
-    ] {
+    for (call, words) in cases(
+        "f:find_blobs('rde') => Frame:find_blobs: unknown colour 'rde'; did you mean 'red'? (known: red,
+         f:find_blobs() => a colour must be a name, vision.lab{...} or vision.hsv{...}, got nothing
+         f:find_blobs({}) => a list of colours has 1 to 32 of them, got 0
+         f:find_blobs('red', {roy = 1}) => unknown option 'roy'; did you mean 'roi'?
+         f:find_blobs('red', {roi = {1, 2, 3}}) => roi's h is missing
+         f:find_blobs('red', {merge = 1}) => merge must be true or false, got 1
+         f:find_blobs('red', {area_threshold = -1}) => area_threshold must be between 0
+         f.find_blobs('red') => call it on a frame with a colon, like frame:find_blobs()
+         print(f.widht) => Frame.widht does not exist; did you mean 'width'?
+         vision.lab{l = {30}} => l must be two numbers, such as l={20, 80}
+         vision.lab{h = {1, 2}} => unknown option 'h'
+         vision.hsv{s = {50, 20}} => write the smaller number first
+         vision.hsv{h = {-5, 20}} => must lie within 0..360
+         vision.tracker{} => a colour must be a name
+         vision.tracker{color = 'red'} => unknown option 'color'; did you mean 'colour'?
+         vision.tracker{colour = 'red'}:update(5) => Tracker:update: frame must be a Frame, got 5
+         vision.motion{threshold = 300} => threshold must be between 0 and 255
+         vision.learn({}, {1, 2, 3, 4}) => a list of 1 to 16 frames
+         f:save('../x') => the name may have letters
+         for i = 1, 100 do _G['t' .. i] = vision.tracker{colour = 'red'} end => there are 16 trackers and detectors already",
+    ) {
         let mut rig = looking(call, |_| {});
         show(&mut rig, 1, &jpeg);
         let texts = rig.logged(Level::Error);
