@@ -14,7 +14,7 @@ use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
 use crate::control::Run;
 use crate::files;
-use crate::mqtt::{self, Account, BrokerCommand, Fleet, FleetError, Found, Presence};
+use crate::mqtt::{self, Account, Fleet, FleetError, Found, Presence};
 use crate::robot::Bus;
 use crate::side_thread::SideThread;
 
@@ -93,14 +93,10 @@ pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, 
 
 async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     match action {
-        Action::List { json, .. } => list(fleet, *json),
-        Action::Run { behaviour, on, .. } => {
-            send_command(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
-        }
-        Action::Stop { robots, .. } => send_command(fleet, &BrokerCommand::Stop, robots).await,
-        Action::ResetStop { robots, .. } => {
-            send_command(fleet, &BrokerCommand::ResetStop, robots).await
-        }
+        Action::List { json } => list(fleet, *json),
+        Action::Run { behaviour, on } => send_command(fleet, &format!("run {behaviour}"), on).await,
+        Action::Stop { robots } => send_command(fleet, "stop", robots).await,
+        Action::ResetStop { robots } => send_command(fleet, "reset_stop", robots).await,
     }
 }
 
@@ -148,11 +144,7 @@ fn row(found: &Found) -> Vec<String> {
 }
 
 /// Sends the command to all chosen robots at once and prints the outcome of each.
-async fn send_command(
-    fleet: &mut Fleet,
-    command: &BrokerCommand,
-    named: &[String],
-) -> Result<Exit, Failure> {
+async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Result<Exit, Failure> {
     let (chosen, absent) = choose(fleet, named)?;
     let answers = fleet.ask(&chosen, command, REPLY_TIMEOUT).await;
     let answers = answers.map_err(unreachable)?;

@@ -14,46 +14,33 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::Console;
-use crate::config::{Level, LogFormat};
+use super::console::LogFormat;
 use crate::live::LogTap;
 use crate::sanitize;
 use crate::simulation;
 
-/// The default filter: records of this crate from the config's level up, of other crates only
-/// warnings and errors.
-fn default_filter(level: Level) -> &'static str {
-    match level {
-        Level::Error => "error",
-        Level::Warn => "warn",
-        Level::Info => "warn,spykee=info",
-        Level::Debug => "warn,spykee=debug",
-    }
-}
+/// The default filter: of other crates only warnings and errors.
+const DEFAULT_FILTER: &str = "warn,spykee=info";
 
 /// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
 /// used. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
+pub(super) fn start(console: &Console, format: LogFormat) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
     let complaint = parsed.as_ref().err().map(ToString::to_string);
-    let default = default_filter(level);
     let filter = parsed.ok().flatten();
-    let filter = filter.unwrap_or_else(|| EnvFilter::new(default));
+    let filter = filter.unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
     let started = tracing::dispatcher::set_global_default(dispatch(console, format, filter));
     if let (Ok(()), Some(complaint)) = (started, complaint) {
-        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {default}");
+        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
     }
 }
 
 /// Logs only what this thread and its simulations do, until the guard is dropped.
-pub(super) fn start_on_this_thread(
-    console: &Console,
-    format: LogFormat,
-    level: Level,
-) -> DefaultGuard {
-    let filter = EnvFilter::new(default_filter(level));
+pub(super) fn start_on_this_thread(console: &Console, format: LogFormat) -> DefaultGuard {
+    let filter = EnvFilter::new(DEFAULT_FILTER);
     tracing::dispatcher::set_default(&dispatch(console, format, filter))
 }
 

@@ -52,7 +52,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::config::{Level, LogFormat};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
@@ -61,7 +60,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use serde::Serialize;
 
 pub use connection::{ConnectionArgs, LoginArgs};
-pub use console::Console;
+pub use console::{Console, LogFormat};
 pub use failure::{Exit, Failure};
 use settings::CommandSettings;
 
@@ -188,9 +187,9 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format, level| {
+    let start_logging = |console: &Console, format| {
         report_panics(console.clone());
-        logging::start(console, format, level);
+        logging::start(console, format);
     };
     execute(cli, Console::start, start_logging).into()
 }
@@ -244,7 +243,7 @@ fn exit_of(error: &clap::Error) -> Exit {
 fn execute<Guard>(
     cli: Cli,
     start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat, Level) -> Guard,
+    start_logging: impl FnOnce(&Console, LogFormat) -> Guard,
 ) -> Exit {
     let named = match cli.command {
         Command::Service(_) => None,
@@ -252,14 +251,11 @@ fn execute<Guard>(
     };
     let is_named = named.is_some();
     let settings = CommandSettings::new(named);
-    // An invalid config is reported by the subcommand that needs it.
-    let logs = settings.config().map(|config| config.logging.clone());
-    let logs = logs.unwrap_or_default();
-    let format = cli.log_format.unwrap_or(logs.format);
+    let format = cli.log_format.unwrap_or_default();
     let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format, logs.level);
+    let _logging = start_logging(&console, format);
     let usable = if cli.command.uses_settings() {
         settings.warn_about_variables();
         Ok(())

@@ -9,12 +9,11 @@ use crate::link::{host_of, is_host_name};
 use crate::robot::whole_within;
 use crate::yaml;
 
-const LONGEST_PREFIX: usize = 64;
 const HOST_EXPECTED: &str =
     "the name or the address of a broker, such as broker.local, without scheme and port";
 
 /// The MQTT broker. MQTT is off without a host.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttOptions")]
 pub struct Mqtt {
@@ -31,24 +30,6 @@ pub struct Mqtt {
     /// Certificates (PEM) of the authorities that sign the broker's certificate; the connection is
     /// encrypted if it is named.
     pub ca_file: Option<PathBuf>,
-    /// The first part of all topics.
-    pub prefix: String,
-    /// The first part of the topics in which Home Assistant looks for devices.
-    pub discovery_prefix: String,
-}
-
-impl Default for Mqtt {
-    fn default() -> Mqtt {
-        Mqtt {
-            host: None,
-            port: None,
-            user: None,
-            password_file: None,
-            ca_file: None,
-            prefix: "spykee".to_owned(),
-            discovery_prefix: "homeassistant".to_owned(),
-        }
-    }
 }
 
 impl Mqtt {
@@ -57,19 +38,6 @@ impl Mqtt {
     /// # Errors
     /// What is wrong, in words.
     pub fn check(&self) -> Result<(), String> {
-        for (key, prefix) in [
-            ("prefix", &self.prefix),
-            ("discovery_prefix", &self.discovery_prefix),
-        ] {
-            let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
-            let levels = prefix.split('/').all(|level| !level.is_empty());
-            if !levels || prefix.len() > LONGEST_PREFIX || !prefix.chars().all(plain) {
-                return Err(format!(
-                    "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single \
-                     slashes in between, at most {LONGEST_PREFIX} characters"
-                ));
-            }
-        }
         if self.password_file.is_some() && self.user.is_none() {
             return Err("mqtt.password_file needs mqtt.user".to_owned());
         }
@@ -145,9 +113,6 @@ mod tests {
     #[test]
     fn the_error_for_an_invalid_value_names_its_key() {
         for (text, words) in [
-            ("{ prefix: 'a/+' }", "mqtt.prefix"),
-            ("{ prefix: '' }", "mqtt.prefix"),
-            ("{ discovery_prefix: 'a//b' }", "mqtt.discovery_prefix"),
             ("{ port: 0 }", "a port"),
             ("{ password_file: a }", "mqtt.user"),
         ] {

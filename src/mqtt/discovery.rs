@@ -4,8 +4,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::topics::Presence;
-use super::topics::Topics;
+use super::topics::{Presence, Topics};
 use crate::robot::RobotInfo;
 
 /// The event types of the event entity; battery and watchdog are in the state.
@@ -169,7 +168,7 @@ mod tests {
 
     #[test]
     fn the_discovery_payload_is_exactly_the_golden_one() {
-        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let topics = Topics::new("SPYKEE0001");
         let behaviours = ["patrol".to_owned(), "guard".to_owned()];
         let mut payload = discovery(&topics, &robot(), &behaviours);
         // Changes with each release.
@@ -182,7 +181,7 @@ mod tests {
 
     #[test]
     fn without_behaviours_there_is_no_select_entity() {
-        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let topics = Topics::new("SPYKEE0001");
         let payload = discovery(&topics, &robot(), &[]);
         assert_eq!(payload["components"]["behaviour"], Value::Null);
         assert!(payload["components"]["robot"].is_object());

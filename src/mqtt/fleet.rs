@@ -8,8 +8,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::command::{BrokerCommand, CommandResult};
 use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
-use super::topics::Presence;
-use super::topics::Topics;
+use super::topics::{PREFIX, Presence, Topics};
 
 /// Timeout for the connection and the subscriptions.
 const OPENING: Duration = Duration::from_secs(10);
@@ -76,7 +75,7 @@ impl Fleet {
             match timeout_at(until, self.connection.next()).await {
                 Ok(ConnectionEvent::Up) => {
                     for what in ["connection", "state", "answer"] {
-                        let topic = format!("{}/+/{what}", self.account.options.prefix);
+                        let topic = format!("{PREFIX}/+/{what}");
                         self.connection.subscribe(&topic).map_err(to_message)?;
                     }
                 }
@@ -99,7 +98,7 @@ impl Fleet {
     }
 
     fn record(&mut self, message: &Message) {
-        let Some((robot, what)) = self.split_topic(&message.topic) else {
+        let Some((robot, what)) = split_topic(&message.topic) else {
             return;
         };
         let presence = match what {
@@ -125,11 +124,6 @@ impl Fleet {
         found.state = state.unwrap_or(found.state.take());
     }
 
-    fn split_topic<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
-        let rest = topic.strip_prefix(&self.account.options.prefix)?;
-        rest.strip_prefix('/')?.split_once('/')
-    }
-
     /// Sends a command to these agents and waits for their answers at most this long. The result
     /// lacks agents that did not answer in time.
     ///
@@ -138,58 +132,40 @@ impl Fleet {
     pub async fn ask(
         &mut self,
         robots: &[String],
-        command: &BrokerCommand,
+        command: &str,
         limit: Duration,
     ) -> Result<BTreeMap<String, CommandResult>, FleetError> {
         let id = format!("{:016x}", rand::random::<u64>());
-        let asked = self.try_ask(robots, command, &id, limit).await;
-        asked.map_err(|why| self.broken(why))
-    }
-
-    async fn try_ask(
-        &mut self,
-        robots: &[String],
-        command: &BrokerCommand,
-        id: &str,
-        limit: Duration,
-    ) -> Result<BTreeMap<String, CommandResult>, String> {
+        let command = BrokerCommand {
+            command: command.to_owned(),
+            id: Some(id.clone()),
+        };
+        // Serialising strings cannot fail.
+        let payload = serde_json::to_vec(&command).unwrap_or_default();
         let until = Instant::now() + limit;
         let mut answers = BTreeMap::new();
-        let mut waiting = robots.iter();
-        let mut next = waiting.next();
+        let mut waiting = robots.iter().peekable();
         while answers.len() < robots.len() && Instant::now() < until {
             // If the queue is full, the remaining commands follow when it has room.
-            while let Some(robot) = next {
-                let topics = Topics::new(&self.account.options.prefix, "", robot);
-                let payload = command.to_json(id).into_bytes();
-                if self.connection.publish(&topics.named("command"), payload) == Err(QueueFull) {
+            while let Some(robot) = waiting.peek() {
+                let topic = Topics::new(robot).named("command");
+                if self.connection.publish(&topic, payload.clone()) == Err(QueueFull) {
                     break;
                 }
-                next = waiting.next();
+                waiting.next();
             }
             match timeout_at(until, self.connection.next()).await {
                 Ok(ConnectionEvent::Message(message)) => {
-                    if let Some((robot, answer)) = self.answer(&message, id) {
+                    if let Some((robot, answer)) = answer(&message, &id) {
                         answers.insert(robot, answer);
                     }
                 }
-                Ok(ConnectionEvent::Lost(why)) => return Err(why),
+                Ok(ConnectionEvent::Lost(why)) => return Err(self.broken(why)),
                 Ok(_) => {}
                 Err(_) => break,
             }
         }
         Ok(answers)
-    }
-
-    fn answer(&self, message: &Message, id: &str) -> Option<(String, CommandResult)> {
-        let (robot, "answer") = self.split_topic(&message.topic)? else {
-            return None;
-        };
-        let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
-        if answer.id.as_deref() != Some(id) {
-            return None;
-        }
-        Some((robot.to_owned(), answer))
     }
 
     /// Disconnects.
@@ -201,6 +177,25 @@ impl Fleet {
         let (host, port) = self.account.options.address().unwrap_or_default();
         FleetError(format!("{host}:{port}: {why}"))
     }
+}
+
+fn answer(message: &Message, id: &str) -> Option<(String, CommandResult)> {
+    let (robot, "answer") = split_topic(&message.topic)? else {
+        return None;
+    };
+    let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
+    if answer.command.id.as_deref() != Some(id) {
+        return None;
+    }
+    Some((robot.to_owned(), answer))
+}
+
+/// The robot and the name of its topic.
+fn split_topic(topic: &str) -> Option<(&str, &str)> {
+    topic
+        .strip_prefix(PREFIX)?
+        .strip_prefix('/')?
+        .split_once('/')
 }
 
 fn to_message(_: QueueFull) -> String {

@@ -175,8 +175,8 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: &str = "robot user password_file watchdog streams data logging journal notify \
-                                live mqtt service";
+    const RESTART_KEYS: &str = "robot user password_file watchdog streams data journal notify live \
+                                mqtt service";
     let tree = |config: &Config| {
         let mut config = config.clone();
         config.service = Service {
