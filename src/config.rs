@@ -25,7 +25,7 @@ use crate::{files, http, journal, notify, safety, yaml};
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
 pub use self::mqtt::Mqtt;
-pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
+pub use self::remote::{Remote, ServiceUrl};
 
 const DATA_FOLDER: &str = "spykee-data";
 

@@ -21,6 +21,7 @@ mod server;
 mod viewer;
 mod world;
 
+pub use broadcast::FrameRate;
 pub use log::{LogTap, tap};
 pub use messages::{schema, understood};
 pub use scripts::{RunDefinition, Script};

@@ -11,14 +11,13 @@ use tokio_util::sync::CancellationToken;
 
 use super::connection::RobotTarget;
 use super::interrupt::handle_signals;
-use super::live::PageInputs;
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
     refuse_if_stopped, rescue, runtime, serve, warn_of_unpaid_stop,
 };
 use super::status::{StatusLine, show};
 use super::world::{EmbeddedSim, TraceFile};
-use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, notify};
+use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, live, notify};
 use crate::agent::{
     Agent, AgentError, Behaviour, BehaviourSpec, Bus, ConnectAttempts, Outcome, Plan,
     retry_until_connected,
@@ -173,8 +172,7 @@ impl RunSetup<'_> {
         let core = parts.plan.core.clone();
         let bus = parts.plan.bus.clone();
         let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let page = self.page;
-        let page = page.map(|page| PageInputs::new(&self.robot.config, page, &bus));
+        let listener = bus.subscribe();
         let stop = CancellationToken::new();
         let (agent, status) = Agent::new(parts.plan);
         parts.emergency_stop.restore(&agent.requests());
@@ -192,7 +190,11 @@ impl RunSetup<'_> {
             streams: self.robot.config.streams,
             target: self.robot.address.to_string(),
             simulated: sim.is_some(),
-            sim: page.as_ref().and(sim.clone()).map(SimulatedRobot::from),
+            sim: self
+                .page
+                .as_ref()
+                .and(sim.clone())
+                .map(SimulatedRobot::from),
             began: Instant::now(),
             // A single run has no timetable.
             view: self
@@ -204,7 +206,10 @@ impl RunSetup<'_> {
             end: if is_service { None } else { Some(stop.clone()) },
             ..shared.clone()
         };
-        let page = page.map(|page| page.serve(shared.clone(), console));
+        let config = &self.robot.config;
+        let page = self
+            .page
+            .map(|page| live::serve(config, shared.clone(), page, listener, console));
         let _page = page.transpose()?;
         let mqtt = fleet::start_broker(&bus, &shared, parts.account);
         let line = StatusLine::new(self.names, sim, parts.attempts);

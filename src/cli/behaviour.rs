@@ -17,24 +17,8 @@ const CHANGE_TIMEOUT: Duration = Duration::from_secs(15);
 
 const HEAD: &str = "BEHAVIOUR|STATE|>RUNNING|>PRIORITY|LAST ENDED";
 
-/// Start, stop, restart or list the behaviours of an active run
-///
-/// Asks the `spykee run` or `spykee serve` of this data folder through its private socket, or with
-/// --url a service on another computer. Each start reads the script from its file; a script with a
-/// mistake is refused.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    subcommand_required = true,
-    arg_required_else_help = true,
-    after_help = "Examples:\n  spykee behaviour list\n  spykee behaviour start patrol --for 30m\n  spykee behaviour restart guard"
-)]
-pub(super) struct BehaviourArgs {
-    #[command(subcommand)]
-    command: BehaviourCommand,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum BehaviourCommand {
+pub(super) enum BehaviourCommand {
     /// List the behaviours of the run with their states
     List(ListArgs),
     /// Start a behaviour that is not running
@@ -46,7 +30,7 @@ enum BehaviourCommand {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct ListArgs {
+pub(super) struct ListArgs {
     /// Print a JSON array
     #[arg(long)]
     json: bool,
@@ -59,7 +43,7 @@ struct ListArgs {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct NameArgs {
+pub(super) struct NameArgs {
     /// The behaviour's name, as in `spykee behaviour list`
     name: String,
     #[command(flatten)]
@@ -67,7 +51,7 @@ struct NameArgs {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct StartArgs {
+pub(super) struct StartArgs {
     /// End the behaviour after this time, in seconds or such as 30m or 1h30m, if it has not ended
     /// before
     #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
@@ -95,8 +79,8 @@ struct WhichArgs {
 }
 
 /// Sends the request to the run and prints the reply.
-pub(super) fn run(args: &BehaviourArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let (args, wanted, lasts) = match &args.command {
+pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let (args, wanted, lasts) = match command {
         BehaviourCommand::List(args) => return list(args, settings),
         BehaviourCommand::Start(args) => (&args.name, Change::Start, args.lasts),
         BehaviourCommand::Stop(args) => (args, Change::Stop, None),

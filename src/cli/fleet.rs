@@ -14,7 +14,7 @@ use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
 use crate::control::Run;
 use crate::files;
-use crate::mqtt::{self, Account, Fleet, FleetError, Found, Presence};
+use crate::mqtt::{self, Account, Fleet, Found, Presence};
 use crate::robot::Bus;
 use crate::side_thread::SideThread;
 
@@ -29,23 +29,8 @@ const ALL: &str = "all";
 
 const HEAD: &str = "ROBOT|CONNECTION|STATE|>BATTERY|RUNNING|PROBLEM";
 
-/// Control all robots on an MQTT broker: list them, start a behaviour, stop them
-///
-/// The config names the broker (`mqtt: { host: ... }`); every run whose config names the same
-/// broker appears there under its robot's uid. The exit code is 4 if any robot did not carry out
-/// the command.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    after_help = "Examples:\n  spykee fleet list\n  spykee fleet run patrol --on all\n  \
-                        spykee fleet stop SPYKEE0001 SPYKEE0007\n  spykee fleet stop all"
-)]
-pub(super) struct FleetArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// List the robots with their connections (ONLINE, OFFLINE if logged off, CONNECTIONBROKEN if
     /// lost) and states
     List {
@@ -77,14 +62,14 @@ enum Action {
 }
 
 /// Connects to the broker and carries out the command.
-pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
     let account = account(settings.load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker")
             .help("add mqtt: { host: broker.local }; see README.md, \"MQTT\"")
     })?;
     let visit = async {
         let mut fleet = Fleet::connect(account).await.map_err(unreachable)?;
-        let exit = act(&mut fleet, &args.action).await;
+        let exit = act(&mut fleet, action).await;
         fleet.disconnect().await;
         exit
     };
@@ -100,7 +85,7 @@ async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     }
 }
 
-fn unreachable(error: FleetError) -> Failure {
+fn unreachable(error: String) -> Failure {
     Failure::new(Exit::Unreachable, error)
         .help("is `mqtt` in `spykee config show --origin` right, and is the broker running?")
 }

@@ -10,11 +10,10 @@ use super::assembly::{RunSetup, clock, exit_of, refuse_date_unless, zone};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
 use super::connection::{ChosenRobot, RobotTarget, no_robot};
 use super::fast::FastSetup;
-use super::live::PageInputs;
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
 use super::world::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, argument, check};
+use super::{ConnectionArgs, Console, Exit, Failure, argument, check, live};
 use crate::agent::Behaviour;
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Date, Span};
@@ -218,7 +217,7 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 /// What the page shows of the behaviours.
 fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
-    let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
+    let scripts: Vec<Script> = behaviours.iter().map(live::script).collect();
     watch::channel(scripts.into()).1
 }
 
@@ -240,7 +239,7 @@ fn fast(
         ..simulation::Options::default()
     };
     let page = args.live.map(|_| definition(&behaviours));
-    let page = page.map(|page| PageInputs::new(config, page, &options.bus));
+    let listener = options.bus.subscribe();
     let setup = FastSetup {
         config,
         robot,
@@ -251,7 +250,7 @@ fn fast(
         is_service: false,
     };
     let limit = args.limit.map(Span::get);
-    let streams = config.streams;
+    let config = config.clone();
     let shown = console.clone();
     setup.run(console, async move |simulation, opened| {
         let sim = simulation.sim();
@@ -260,7 +259,8 @@ fn fast(
             robot: sim.clone(),
             sim_clock,
         };
-        let page = page.map(|page| page.serve(run_handle(&run, streams, simulated), &shown));
+        let handle = run_handle(&run, config.streams, simulated);
+        let page = page.map(|page| live::serve(&config, handle, page, listener, &shown));
         let _page = page.transpose()?;
         let _ = opened.send((run.status(), sim.clone()));
         let outcome = run.outcome().await;

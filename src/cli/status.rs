@@ -10,15 +10,13 @@ use tokio::time::Instant;
 use super::Console;
 use crate::agent::ConnectAttempts;
 use crate::clock::every;
+use crate::live::FrameRate;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
-use crate::safety::WatchdogState;
 use crate::sim::{Handle, State};
 
 /// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// Period for measuring the frame rate.
-const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, interval at which the status is written even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
@@ -27,18 +25,8 @@ pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
     attempts: ConnectAttempts,
-    last_count: (Instant, u64),
-    rate: f64,
-    last_reported: Option<(Instant, StatusKey)>,
-}
-
-/// The part of the status whose changes are written to a file.
-#[derive(PartialEq, Eq)]
-struct StatusKey {
-    link: LinkState,
-    safety: WatchdogState,
-    charging: Option<bool>,
-    emergency_stop: bool,
+    rate: FrameRate,
+    last_reported: Option<(Instant, Status)>,
 }
 
 impl StatusLine {
@@ -49,19 +37,16 @@ impl StatusLine {
         sim: Option<Handle>,
         attempts: ConnectAttempts,
     ) -> StatusLine {
-        let last_count = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
             attempts,
-            last_count,
-            rate: 0.0,
+            rate: FrameRate::new(Instant::now()),
             last_reported: None,
         }
     }
 
     fn draw(&mut self, status: &Status) -> String {
-        self.count(status.frames);
         let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
         let mut parts = vec![self.state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
@@ -72,26 +57,26 @@ impl StatusLine {
             parts.extend(lights(&state));
             parts.extend(state.sound.map(|sound| format!("plays {}", sound.name())));
         }
-        parts.push(format!("{:.0} fps", self.rate));
+        let rate = self.rate.count(status.frames, Instant::now());
+        parts.push(format!("{rate} fps"));
         parts.push(self.behaviours.clone());
         parts.join(" · ")
     }
 
     /// The line for a file, if the status has changed or the last line is old.
     fn plain_line(&mut self, status: &Status) -> Option<String> {
-        let charging = status.battery.map(|battery| battery.charging);
-        let key = StatusKey {
-            link: status.link,
-            safety: status.safety,
-            charging,
-            emergency_stop: status.emergency_stop,
+        let charging = |one: &Status| one.battery.map(|battery| battery.charging);
+        let is_news = |(at, last): &(Instant, Status)| {
+            last.link != status.link
+                || last.safety != status.safety
+                || charging(last) != charging(status)
+                || last.emergency_stop != status.emergency_stop
+                || at.elapsed() >= PLAIN_PERIOD
         };
-        let stale =
-            |(at, last): &(Instant, StatusKey)| *last != key || at.elapsed() >= PLAIN_PERIOD;
-        if !self.last_reported.as_ref().is_none_or(stale) {
+        if !self.last_reported.as_ref().is_none_or(is_news) {
             return None;
         }
-        self.last_reported = Some((Instant::now(), key));
+        self.last_reported = Some((Instant::now(), *status));
         Some(self.draw(status))
     }
 
@@ -105,15 +90,6 @@ impl StatusLine {
                 None if status.emergency_stop => "stopped by a person".to_owned(),
                 None => status.safety.to_string(),
             },
-        }
-    }
-
-    fn count(&mut self, frames: u64) {
-        let (since, before) = self.last_count;
-        let passed = since.elapsed();
-        if passed >= RATE_PERIOD {
-            self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
-            self.last_count = (Instant::now(), frames);
         }
     }
 }

@@ -15,7 +15,7 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::Options;
-use super::keyring::{Key, Keyring, KeyringError, Role};
+use super::keyring::{AccessError, Key, Keyring, Role};
 use super::origin_check::{Names, OriginHeaders, Reason};
 use crate::clock::every;
 
@@ -23,19 +23,6 @@ use crate::clock::every;
 const REREAD: Duration = Duration::from_secs(1);
 /// Wrong tokens are logged at most this often.
 const WRONG_TOKENS: Duration = Duration::from_secs(60);
-
-/// Why access cannot be set up.
-#[derive(Debug, thiserror::Error)]
-pub enum AccessError {
-    /// Anyone who can reach that address could drive the robot.
-    #[error(
-        "{0} can be reached from elsewhere, but there is no token: `spykee token new NAME` makes one"
-    )]
-    Open(SocketAddr),
-    /// The tokens cannot be read.
-    #[error(transparent)]
-    Tokens(#[from] KeyringError),
-}
 
 /// The host names under which we are reached, and the tokens.
 #[derive(Debug)]
@@ -148,7 +135,7 @@ impl Access {
 
     /// Reads the tokens again. If that fails, nobody has access. Where a token was needed, one
     /// stays needed even if the file is gone.
-    fn reread(&self) -> Result<(), KeyringError> {
+    fn reread(&self) -> Result<(), AccessError> {
         let read = Keyring::open(&self.data);
         self.keyring.send_if_modified(|keyring| {
             let next = match &read {

@@ -73,11 +73,11 @@ pub async fn guard_request(
 
 /// Middleware of the private socket, which only programs of the same user can open.
 pub(super) async fn admit_local(
-    Extension(LocalUser(user)): Extension<LocalUser>,
+    Extension(visitor): Extension<Visitor>,
     mut request: Request,
     next: Next,
 ) -> Response {
-    identify(&mut request, Some(Visitor::local(user)));
+    identify(&mut request, Some(visitor));
     next.run(request.map(with_body_timeout)).await
 }
 
@@ -90,10 +90,6 @@ fn identify(request: &mut Request, visitor: Option<Visitor>) {
     }
     request.extensions_mut().insert(Identity(visitor));
 }
-
-/// The user ID of the other end of the private socket.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LocalUser(pub(super) u32);
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
 /// all others.

@@ -17,7 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::robot::whole_within;
 
 pub use database::{folder, journal_file};
-pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
+pub use history::{JournalReader, LevelRange, Record, Span};
 pub use recorder::{Journal, SimulationJournal};
 
 /// What the journal keeps, and for how long.

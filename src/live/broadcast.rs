@@ -66,15 +66,15 @@ pub(super) struct Person {
 
 /// Counts frames per second.
 #[derive(Debug)]
-struct Rate {
+pub struct FrameRate {
     since: Instant,
     frames: u64,
     rate: u32,
 }
 
-impl Rate {
-    fn new(now: Instant) -> Rate {
-        Rate {
+impl FrameRate {
+    pub fn new(now: Instant) -> FrameRate {
+        FrameRate {
             since: now,
             frames: 0,
             rate: 0,
@@ -82,7 +82,7 @@ impl Rate {
     }
 
     /// The rate, given the number of frames so far.
-    fn count(&mut self, frames: u64, now: Instant) -> u32 {
+    pub fn count(&mut self, frames: u64, now: Instant) -> u32 {
         let passed = now.saturating_duration_since(self.since);
         if passed >= RATE {
             let new = frames.saturating_sub(self.frames);
@@ -131,7 +131,6 @@ impl Broadcast {
         access: Arc<Access>,
     ) -> Arc<Broadcast> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
-        let metrics = Metrics::new(run.reactions.clone());
         Arc::new(Broadcast {
             run,
             definition,
@@ -140,7 +139,7 @@ impl Broadcast {
             reading: Semaphore::new(READERS),
             camera: Camera::default(),
             log_buffer: LogBuffer::new(),
-            metrics,
+            metrics: Metrics::default(),
             found: broadcast::Sender::new(FOUND),
             state: empty(),
             map: empty(),
@@ -248,7 +247,7 @@ impl Broadcast {
     }
 
     async fn publish_state(&self) {
-        let mut rate = Rate::new(self.now());
+        let mut rate = FrameRate::new(self.now());
         let mut ticker = every(STATE_POLL);
         loop {
             ticker.tick().await;
@@ -312,7 +311,7 @@ impl Broadcast {
         running.map(named).collect()
     }
 
-    fn state(&self, rate: &mut Rate, now: Instant) -> State {
+    fn state(&self, rate: &mut FrameRate, now: Instant) -> State {
         let running = RunningBehaviours {
             robot: self.robot.borrow().clone(),
             behaviours: self.running_behaviours(),

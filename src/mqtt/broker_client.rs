@@ -7,13 +7,14 @@ use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
+use rumqttc::Publish;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::command::{BrokerCommand, CommandResult, parse_choice};
-use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
+use super::connection::{Account, Connection, ConnectionEvent, QueueFull};
 use super::discovery::{EVENTS, discovery};
 use super::report::Report;
 use super::topics::{Presence, Topics};
@@ -255,7 +256,7 @@ impl BrokerClient {
         }
     }
 
-    fn handle_message(&mut self, message: &Message) {
+    fn handle_message(&mut self, message: &Publish) {
         if message.topic == self.topics.birth() {
             if &message.payload[..] == b"online" {
                 // Home Assistant has just started and knows nothing yet.
@@ -269,7 +270,7 @@ impl BrokerClient {
             // A broker may send anything; we did not subscribe to this topic.
             return;
         }
-        if message.retained {
+        if message.retain {
             let topic = &message.topic;
             return self.log.warn(&format!(
                 "a retained command is ignored, because it may be old: {topic}"

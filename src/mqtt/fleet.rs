@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use rumqttc::Publish;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
 use super::command::{BrokerCommand, CommandResult};
-use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
+use super::connection::{Account, Connection, ConnectionEvent, QueueFull};
 use super::topics::{PREFIX, Presence, Topics};
 
 /// Timeout for the connection and the subscriptions.
@@ -20,11 +21,6 @@ const LISTENING: Duration = Duration::from_secs(5);
 const LONGEST_STATE: usize = 16 << 10;
 /// Maximum number of agents listed.
 const MAX_ROBOTS: usize = 10_000;
-
-/// The broker cannot be reached, or the connection broke.
-#[derive(Debug, thiserror::Error)]
-#[error("no broker at {0}")]
-pub struct FleetError(String);
 
 /// An agent known to the broker.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,8 +45,8 @@ impl Fleet {
     /// Connects to the broker and lists its agents.
     ///
     /// # Errors
-    /// See [`FleetError`].
-    pub async fn connect(account: Account) -> Result<Fleet, FleetError> {
+    /// The broker cannot be reached, in words.
+    pub async fn connect(account: Account) -> Result<Fleet, String> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
         let connection = Connection::connect(&account, &client, None);
         let mut fleet = Fleet {
@@ -97,7 +93,7 @@ impl Fleet {
         }
     }
 
-    fn record(&mut self, message: &Message) {
+    fn record(&mut self, message: &Publish) {
         let Some((robot, what)) = split_topic(&message.topic) else {
             return;
         };
@@ -134,7 +130,7 @@ impl Fleet {
         robots: &[String],
         command: &str,
         limit: Duration,
-    ) -> Result<BTreeMap<String, CommandResult>, FleetError> {
+    ) -> Result<BTreeMap<String, CommandResult>, String> {
         let id = format!("{:016x}", rand::random::<u64>());
         let command = BrokerCommand {
             command: command.to_owned(),
@@ -173,13 +169,13 @@ impl Fleet {
         self.connection.close(Duration::from_secs(1)).await;
     }
 
-    fn broken(&self, why: String) -> FleetError {
+    fn broken(&self, why: String) -> String {
         let (host, port) = self.account.options.address().unwrap_or_default();
-        FleetError(format!("{host}:{port}: {why}"))
+        format!("no broker at {host}:{port}: {why}")
     }
 }
 
-fn answer(message: &Message, id: &str) -> Option<(String, CommandResult)> {
+fn answer(message: &Publish, id: &str) -> Option<(String, CommandResult)> {
     let (robot, "answer") = split_topic(&message.topic)? else {
         return None;
     };

@@ -14,10 +14,10 @@ use tracing::{error, info, warn};
 
 use super::idle::{self, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{Listeners, Reload, ServicePlan, View};
+use super::{ManagerNotifier, RecordFile, Reload, Service, ServicePlan, View};
 use crate::agent::{
-    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, PilotClient, PilotClientError,
-    Roster, RosterError,
+    Agent, AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, PilotClient,
+    PilotClientError, Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
 use crate::control::Change;
@@ -47,7 +47,10 @@ pub(super) struct Executor {
     docking_task: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
     last_record: Option<Record>,
-    listeners: Listeners,
+    file: RecordFile,
+    notifier: ManagerNotifier,
+    bus: Bus,
+    view: watch::Sender<View>,
     last_status: String,
     implausible: bool,
     /// Whether a person's STOP holds.
@@ -55,23 +58,20 @@ pub(super) struct Executor {
 }
 
 impl Executor {
-    pub(super) fn new(
-        roster: Roster,
-        requests: mpsc::Sender<Request>,
-        status: watch::Receiver<Status>,
-        clock: Clock,
-        planner: Planner,
-        service_plan: ServicePlan,
-        listeners: Listeners,
-    ) -> Executor {
-        Executor {
+    /// Takes a service apart: what its agent does not need is the executor's.
+    pub(super) fn new(service: Service) -> (Executor, Agent, mpsc::Receiver<Reload>) {
+        let agent = service.agent;
+        let roster = agent.roster();
+        let service_plan = service.service_plan;
+        let record = service.record.record.clone();
+        let executor = Executor {
             statuses: roster.statuses(),
             stops: roster.stops(),
-            requests,
-            status,
-            clock,
-            planner,
-            idle: IdleRobot::new(service_plan.idle),
+            requests: agent.requests(),
+            status: service.status,
+            clock: service.clock,
+            planner: Planner::new(service_plan.table.clone(), record),
+            idle: IdleRobot::new(service_plan.idle.clone()),
             waiting: service_plan.always.iter().cloned().collect(),
             service_plan,
             orders: Orders::new(roster),
@@ -79,11 +79,15 @@ impl Executor {
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
-            listeners,
+            file: service.record,
+            notifier: service.notifier,
+            bus: service.bus,
+            view: service.view,
             last_status: String::new(),
             implausible: false,
             stopped: false,
-        }
+        };
+        (executor, agent, service.reloads)
     }
 
     /// Never returns. Does nothing after `stop`, so that behaviours running then stay recorded as
@@ -93,7 +97,7 @@ impl Executor {
         mut reloads: mpsc::Receiver<Reload>,
         stop: CancellationToken,
     ) -> Infallible {
-        self.listeners.notifier.ready();
+        self.notifier.ready();
         loop {
             let pause = self.step();
             tokio::select! {
@@ -237,7 +241,7 @@ impl Executor {
     }
 
     fn report_missed(&self, run: &str, reason: impl Into<String>) {
-        self.listeners.bus.publish(AgentEvent::StartMissed {
+        self.bus.publish(AgentEvent::StartMissed {
             behaviour: run.to_owned(),
             reason: reason.into(),
         });
@@ -341,7 +345,7 @@ impl Executor {
         let new = new.filter(|name| !self.running.contains(*name)).cloned();
         self.waiting.extend(new);
         self.planner.replace(self.service_plan.table.clone());
-        self.idle.replace(self.service_plan.idle);
+        self.idle.replace(self.service_plan.idle.clone());
         info!("the new settings are in effect");
     }
 
@@ -349,7 +353,7 @@ impl Executor {
     fn save_record(&mut self) {
         let record = self.planner.record();
         let is_news = is_news(self.last_record.as_ref(), &record);
-        if is_news && self.listeners.file.save(record.clone()) {
+        if is_news && self.file.save(record.clone()) {
             self.last_record = Some(record);
         }
     }
@@ -368,7 +372,7 @@ impl Executor {
             }),
             quiet: self.quiet != Quiet::Off,
         };
-        self.listeners.view.send_if_modified(|shown| {
+        self.view.send_if_modified(|shown| {
             let news = *shown != view;
             shown.clone_from(&view);
             news
@@ -376,7 +380,7 @@ impl Executor {
         let running = self.running.iter().map(String::as_str);
         let text = status_line(status, running, next, &self.service_plan.table.zone);
         if text != self.last_status {
-            self.listeners.notifier.status(text.clone());
+            self.notifier.status(&text);
             self.last_status = text;
         }
     }

@@ -29,7 +29,7 @@ const HEAD: &str = "FILE|>#|COLOUR|>PIXELS|>X|>Y|>W|>H|>CX|>CY|>ROUNDNESS|>BEARI
 /// positive) and whether it touches the edge of the picture. --json prints every field that scripts
 /// see.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct FindArgs {
+pub(in crate::cli) struct FindArgs {
     /// JPEG pictures, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,

@@ -13,7 +13,7 @@ use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct GradeArgs {
+pub(in crate::cli) struct GradeArgs {
     /// Folder with a folder or a script for each learner, named after the learner
     #[arg(value_name = "DIR")]
     folder: PathBuf,

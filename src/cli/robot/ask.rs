@@ -11,7 +11,7 @@ use crate::robot::{Battery, RobotInfo};
 use crate::wire::{Command, Report, latin1};
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct ReportArgs {
+pub(in crate::cli) struct ReportArgs {
     /// Print a JSON object
     #[arg(long)]
     json: bool,
@@ -23,7 +23,7 @@ pub(super) struct ReportArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot log --robot 172.17.6.1 | tail\n\n\
                         The contents of the robot's log are not documented.")]
-pub(super) struct LogArgs {
+pub(in crate::cli) struct LogArgs {
     /// Print a JSON object
     #[arg(long)]
     json: bool,

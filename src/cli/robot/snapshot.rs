@@ -21,7 +21,7 @@ use crate::wire::{Command, Report, Stream};
 /// Waits for an intact frame; damaged ones are counted and discarded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot snapshot -o room.jpg --robot 172.17.6.1")]
-pub(super) struct SnapshotArgs {
+pub(in crate::cli) struct SnapshotArgs {
     /// File to write; an existing file is replaced
     #[arg(short, long, value_name = "FILE.jpg")]
     output: PathBuf,
