@@ -58,7 +58,6 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns the address to listen on.
     pub fn address(&self) -> SocketAddr {
         self.listen.unwrap_or(LISTEN)
     }

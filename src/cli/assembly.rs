@@ -32,13 +32,11 @@ use crate::pilot::{DrivingCore, Status};
 use crate::robot::EndReason;
 use crate::timetable::View;
 
-/// What distinguishes one run from another.
 pub(super) struct RunSetup<'a> {
     pub(super) settings: &'a Effective,
     /// The robot, with the config in effect: flags may change that of the settings.
     pub(super) robot: RobotTarget,
     pub(super) seed: u64,
-    /// Retry until the robot answers.
     pub(super) waits: bool,
     pub(super) keeps_journal: bool,
     pub(super) clock: Clock,
@@ -62,7 +60,6 @@ pub(super) struct ServiceSetup {
     pub(super) view: watch::Receiver<View>,
 }
 
-/// A run whose agent can be run.
 pub(super) struct StartedRun {
     pub(super) agent: Agent,
     pub(super) status: watch::Receiver<Status>,
@@ -71,7 +68,6 @@ pub(super) struct StartedRun {
     pub(super) stop: CancellationToken,
 }
 
-/// The parts around the agent.
 struct Parts {
     plan: Plan,
     attempts: ConnectAttempts,
@@ -264,15 +260,6 @@ pub(super) fn exit_of(
     } else {
         Exit::Done
     })
-}
-
-/// Refuses `--date` for a real robot.
-pub(super) fn refuse_date_unless(simulated: bool, date: Option<Date>) -> Result<(), Failure> {
-    if simulated || date.is_none() {
-        return Ok(());
-    }
-    let failure = Failure::usage("--date needs --sim: a real robot uses today's date");
-    Err(failure.help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\""))
 }
 
 /// The clock for scripts and for the journal: the computer's, unless `--date` sets that of a

@@ -60,7 +60,6 @@ pub(super) struct StartArgs {
     name: NameArgs,
 }
 
-/// Parses a duration above zero.
 fn parse_duration(text: &str) -> Result<Span, String> {
     match text.parse::<Span>() {
         Ok(span) if span.get().is_zero() => Err("expected a duration above zero".to_owned()),
@@ -68,7 +67,6 @@ fn parse_duration(text: &str) -> Result<Span, String> {
     }
 }
 
-/// Selects the run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
     /// Address of the robot whose run to use [default: the only active run]
@@ -80,13 +78,29 @@ struct WhichArgs {
 
 /// Sends the request to the run and prints the reply.
 pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let (args, wanted, lasts) = match command {
+    let (args, change, lasts) = match command {
         BehaviourCommand::List(args) => return list(args, settings),
         BehaviourCommand::Start(args) => (&args.name, Change::Start, args.lasts),
         BehaviourCommand::Stop(args) => (args, Change::Stop, None),
         BehaviourCommand::Restart(args) => (args, Change::Restart, None),
     };
-    change(args, wanted, lasts, settings)
+    let request = RunRequest::Behaviour {
+        name: args.name.clone(),
+        change,
+        lasts,
+    };
+    let exit = order(&args.which.client(settings)?, &request, CHANGE_TIMEOUT)?;
+    let done = match (change, lasts) {
+        (Change::Start, None) => "runs".to_owned(),
+        (Change::Start, Some(lasts)) => {
+            let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
+            format!("runs, for {} at most", clock::hours(whole))
+        }
+        (Change::Stop, _) => "has ended".to_owned(),
+        (Change::Restart, _) => "restarted".to_owned(),
+    };
+    print(&format!("{} {done}\n", args.name))?;
+    Ok(exit)
 }
 
 fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -106,31 +120,6 @@ fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
         print(&aligned(HEAD, behaviours.iter().map(row)))?;
     }
     Ok(Exit::Done)
-}
-
-fn change(
-    args: &NameArgs,
-    change: Change,
-    lasts: Option<Span>,
-    settings: &CommandSettings,
-) -> Result<Exit, Failure> {
-    let request = RunRequest::Behaviour {
-        name: args.name.clone(),
-        change,
-        lasts,
-    };
-    let exit = order(&args.which.client(settings)?, &request, CHANGE_TIMEOUT)?;
-    let done = match (change, lasts) {
-        (Change::Start, None) => "runs".to_owned(),
-        (Change::Start, Some(lasts)) => {
-            let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
-            format!("runs, for {} at most", clock::hours(whole))
-        }
-        (Change::Stop, _) => "has ended".to_owned(),
-        (Change::Restart, _) => "restarted".to_owned(),
-    };
-    print(&format!("{} {done}\n", args.name))?;
-    Ok(exit)
 }
 
 impl WhichArgs {

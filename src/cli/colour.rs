@@ -96,7 +96,6 @@ pub(super) fn unusable_picture(path: &Path, error: &FrameError) -> Failure {
     }
 }
 
-/// The part of a picture to search.
 fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
     roi.within(size).ok_or_else(|| {
         let Roi { x, y, w, h } = roi;

@@ -136,7 +136,6 @@ pub(super) struct ScheduleArgs {
     json: bool,
 }
 
-/// Prints the predicted starts.
 fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
     let table = config.timetable();
@@ -202,7 +201,6 @@ fn object(one: &PredictedStart, zone: &Zone) -> Json {
     })
 }
 
-/// The names of the config's behaviours.
 fn names(config: &Config) -> Vec<String> {
     let entries = config.behaviours.iter();
     entries.filter_map(|entry| entry.name().ok()).collect()

@@ -59,7 +59,6 @@ pub struct Console {
     format: LogFormat,
 }
 
-/// A message to the writing thread.
 enum ConsoleMessage {
     Record(Vec<u8>),
     /// Why the program ends: written even if the day's byte budget is used up.

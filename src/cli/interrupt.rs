@@ -117,9 +117,7 @@ fn suspend(original: Option<Terminal>) {
 
 /// Settings that more than this many successive checks find unchanged count as stable.
 const STABLE_CHECKS: u32 = 3;
-/// Maximum number of checks.
 const MAX_CHECKS: u32 = 20;
-/// Pause between two checks.
 const CHECK_PAUSE: Duration = Duration::from_millis(10);
 
 /// The settings of standard input, if it is a terminal.

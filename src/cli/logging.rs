@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use tracing::Dispatch;
 use tracing::dispatcher::DefaultGuard;
-use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::field::RecordFields;
 use tracing_subscriber::fmt::FormatFields;
@@ -15,7 +14,7 @@ use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::Console;
 use super::console::LogFormat;
-use crate::live::LogTap;
+use crate::live::{EventFields, LogTap};
 use crate::sanitize;
 use crate::simulation;
 
@@ -102,12 +101,13 @@ impl<'writer> FormatFields<'writer> for Plain {
         mut writer: Writer<'writer>,
         fields: R,
     ) -> fmt::Result {
-        let mut reading = Reading::default();
-        fields.record(&mut reading);
-        let names = reading.fields.iter().map(|(name, _)| *name);
+        let mut event = EventFields::default();
+        fields.record(&mut event);
+        let names = event.fields.iter().map(|field| field.name);
         let mut parts = Vec::new();
-        if let Some(message) = &reading.message {
-            parts.push(sanitize::message(message, names.chain(RESERVED)));
+        if let Some(message) = &event.message {
+            let message = sanitize::text(message, false);
+            parts.push(sanitize::message(&message, names.chain(RESERVED)));
         }
         let dimmed = |name: &str| {
             if writer.has_ansi_escapes() {
@@ -116,34 +116,15 @@ impl<'writer> FormatFields<'writer> for Plain {
                 format!("{name}=")
             }
         };
-        for (name, value) in &reading.fields {
-            parts.push(format!("{}{value}", dimmed(name)));
+        for field in &event.fields {
+            let value = if field.is_text {
+                format!("{:?}", field.value)
+            } else {
+                sanitize::value(&sanitize::text(&field.value, false))
+            };
+            parts.push(format!("{}{value}", dimmed(field.name)));
         }
         writer.write_str(&parts.join(" "))
-    }
-}
-
-#[derive(Default)]
-struct Reading {
-    message: Option<String>,
-    fields: Vec<(&'static str, String)>,
-}
-
-impl Visit for Reading {
-    fn record_str(&mut self, field: &Field, value: &str) {
-        match field.name() {
-            "message" => self.message = Some(sanitize::text(value, false)),
-            // Always in quotes.
-            name => self.fields.push((name, format!("{value:?}"))),
-        }
-    }
-
-    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        let text = sanitize::text(&format!("{value:?}"), false);
-        match field.name() {
-            "message" => self.message = Some(text),
-            name => self.fields.push((name, sanitize::value(&text))),
-        }
     }
 }
 

@@ -47,7 +47,6 @@ pub(super) struct ReplArgs {
     connection: ConnectionArgs,
 }
 
-/// Runs the session until the user ends it.
 pub(super) fn run(
     args: &ReplArgs,
     settings: &CommandSettings,

@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
 
-use super::assembly::{RunSetup, clock, exit_of, refuse_date_unless, zone};
+use super::assembly::{RunSetup, clock, exit_of, zone};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
-use super::connection::{ChosenRobot, RobotTarget, no_robot};
+use super::connection::{RobotTarget, no_robot};
 use super::fast::FastSetup;
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
@@ -22,7 +22,7 @@ use crate::control::{self, SimulatedRobot};
 use crate::journal;
 use crate::live::{RunDefinition, Script};
 use crate::robot::Streams;
-use crate::sim;
+use crate::sim::{self, World};
 use crate::simulation::{self, Running, SimClock};
 use crate::timetable::View;
 
@@ -126,16 +126,29 @@ pub(super) fn run(
         check::before_run(&loaded.behaviours, console)?;
     }
     let robot = robot.ok_or_else(no_robot)?;
-    let simulated = robot.is_simulated();
-    args.firmware.refuse_unless(simulated)?;
-    refuse_date_unless(simulated, args.date)?;
+    for (is_given, why) in [
+        (
+            args.firmware.firmware.is_some(),
+            "--firmware needs --sim: it describes a simulated robot",
+        ),
+        (
+            args.date.is_some(),
+            "--date needs --sim: a real robot uses today's date",
+        ),
+        (
+            args.trace.is_some(),
+            "--trace needs --sim: it draws a simulation",
+        ),
+    ] {
+        robot.refuse_if_real(is_given, why)?;
+    }
     let login = args.connection.login.login(settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
     } else {
         tracing::debug!(seed, "starting");
     }
-    let trace = trace_file(&args, simulated)?;
+    let trace = args.trace.as_deref().map(TraceFile::create).transpose()?;
     let sim_options = sim::Options {
         login,
         seed,
@@ -149,7 +162,7 @@ pub(super) fn run(
         return fast(
             &args,
             &config,
-            robot,
+            robot.into_world()?,
             behaviours,
             sim_options,
             trace,
@@ -198,16 +211,6 @@ fn in_real_time(
     })
 }
 
-fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
-    match args.trace.as_deref() {
-        Some(_) if !simulated => {
-            let failure = Failure::usage("--trace needs --sim: it draws a simulation");
-            Err(failure.help("--sim [WORLD] runs on a simulated robot"))
-        }
-        path => path.map(TraceFile::create).transpose(),
-    }
-}
-
 fn names(behaviours: &[Behaviour]) -> String {
     let names = behaviours
         .iter()
@@ -225,7 +228,7 @@ fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
 fn fast(
     args: &RunArgs,
     config: &Config,
-    robot: ChosenRobot,
+    world: World,
     behaviours: Vec<Behaviour>,
     sim_options: sim::Options,
     trace: Option<TraceFile>,
@@ -242,7 +245,7 @@ fn fast(
     let listener = options.bus.subscribe();
     let setup = FastSetup {
         config,
-        robot,
+        world,
         options,
         date: args.date,
         events: args.events.as_deref(),

@@ -142,7 +142,7 @@ pub(super) struct FirmwareArgs {
     /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the
     /// README lists the keys
     #[arg(long, value_name = "FILE.yaml")]
-    firmware: Option<PathBuf>,
+    pub(super) firmware: Option<PathBuf>,
 }
 
 impl FirmwareArgs {
@@ -153,14 +153,5 @@ impl FirmwareArgs {
         Firmware::load(path).map_err(|error| {
             Failure::usage(error).help("the README's section on firmware lists all keys")
         })
-    }
-
-    /// Refuses the flag for a real robot, which has its own firmware.
-    pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
-        if simulated || self.firmware.is_none() {
-            return Ok(());
-        }
-        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
-        Err(failure.help("--sim [WORLD] runs on a simulated robot"))
     }
 }

@@ -31,7 +31,6 @@ pub(super) enum Action {
     },
 }
 
-/// Runs the subcommand.
 pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
     let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;

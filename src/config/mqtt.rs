@@ -34,9 +34,6 @@ pub struct Mqtt {
 
 impl Mqtt {
     /// Checks the rules that the types of the fields do not enforce.
-    ///
-    /// # Errors
-    /// What is wrong, in words.
     pub fn check(&self) -> Result<(), String> {
         if self.password_file.is_some() && self.user.is_none() {
             return Err("mqtt.password_file needs mqtt.user".to_owned());

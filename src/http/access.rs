@@ -18,6 +18,7 @@ use super::Options;
 use super::keyring::{AccessError, Key, Keyring, Role};
 use super::origin_check::{Names, OriginHeaders, Reason};
 use crate::clock::every;
+use crate::rate_limit::Repeats;
 
 /// How often the tokens are read again.
 const REREAD: Duration = Duration::from_secs(1);
@@ -30,16 +31,13 @@ pub struct Access {
     names: Names,
     data: PathBuf,
     keyring: watch::Sender<Keyring>,
-    /// The number of wrong tokens since it was last logged, and the address of the last one.
-    wrong: Mutex<Option<(u64, IpAddr)>>,
+    /// The wrong tokens, which are logged once in a while.
+    wrong: Mutex<Repeats<()>>,
 }
 
 impl Access {
     /// Sets up access according to the options and the tokens of this data folder, for a server on
     /// this address. Blocks on the disk.
-    ///
-    /// # Errors
-    /// See [`AccessError`].
     pub fn new(options: &Options, listen: SocketAddr, data: &Path) -> Result<Access, AccessError> {
         let keyring = Keyring::open(data)?;
         if keyring.is_unused() && !listen.ip().is_loopback() {
@@ -49,7 +47,7 @@ impl Access {
             names: Names::new(listen, &options.hosts),
             data: data.to_owned(),
             keyring: watch::Sender::new(keyring),
-            wrong: Mutex::default(),
+            wrong: Mutex::new(Repeats::new(WRONG_TOKENS)),
         })
     }
 
@@ -58,8 +56,6 @@ impl Access {
         self.keyring.borrow().is_unused()
     }
 
-    /// # Errors
-    /// If the request is not addressed to us, or comes from another site's page.
     pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
         self.names.validate(request)
     }
@@ -81,15 +77,17 @@ impl Access {
         })
     }
 
-    /// Returns the visitor with this token; `None` for a wrong one, which is counted for the log.
+    /// Returns the visitor with this token; `None` for a wrong one, which is logged.
     pub(super) fn visitor_of_token(&self, token: &str, from: IpAddr) -> Option<Visitor> {
         let visitor = self
             .visitor(Some(token))
             .filter(|visitor| visitor.key.is_some());
         if visitor.is_none() {
             let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-            let count = wrong.map_or(0, |(count, _)| count);
-            *wrong = Some((count.saturating_add(1), from));
+            if let Some(before) = wrong.record((), Instant::now()) {
+                let count = before + 1;
+                tracing::warn!(%from, "{count} requests with a wrong token");
+            }
         }
         visitor
     }
@@ -105,11 +103,10 @@ impl Access {
     }
 
     /// Reads the tokens again and again, so that a new or a revoked one counts within a
-    /// second, and logs wrong ones. Never returns.
+    /// second. Never returns.
     pub async fn follow_tokens(self: Arc<Access>) {
         let mut beat = every(REREAD);
         let mut trouble = None;
-        let mut logged: Option<Instant> = None;
         loop {
             beat.tick().await;
             let access = self.clone();
@@ -124,12 +121,6 @@ impl Access {
                 tracing::error!("{error}: until it can be read, nobody has access to the page");
             }
             trouble = error;
-            if logged.is_none_or(|logged| logged.elapsed() >= WRONG_TOKENS)
-                && let Some((count, from)) = self.take_wrong()
-            {
-                tracing::warn!(%from, "{count} requests with a wrong token");
-                logged = Some(Instant::now());
-            }
         }
     }
 
@@ -148,17 +139,10 @@ impl Access {
         });
         read.map(drop)
     }
-
-    fn take_wrong(&self) -> Option<(u64, IpAddr)> {
-        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-        wrong.take()
-    }
 }
 
-/// A visitor with access.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Visitor {
-    /// The visitor's role.
     pub role: Role,
     /// The token used; `None` if none is needed.
     pub key: Option<Key>,
@@ -177,9 +161,6 @@ impl Visitor {
     }
 
     /// Whether the visitor may do what needs this role.
-    ///
-    /// # Errors
-    /// The refusal.
     pub fn require(&self, role: Role) -> Result<(), Refusal> {
         if role == Role::Driver && self.role != Role::Driver {
             let why = "viewers may only watch and stop the robot";
@@ -224,7 +205,6 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// Creates a refusal with a sentence for people.
     pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
         Refusal {
             status,

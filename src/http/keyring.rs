@@ -52,7 +52,6 @@ pub enum Role {
 }
 
 impl Role {
-    /// Returns the name of the role.
     pub fn name(self) -> &'static str {
         match self {
             Role::Viewer => "viewer",
@@ -61,13 +60,10 @@ impl Role {
     }
 }
 
-/// A known token.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
-    /// The name given by its owner.
     pub name: String,
-    /// The role that it grants.
     pub role: Role,
     digest: Digest,
 }
@@ -127,7 +123,6 @@ pub enum AccessError {
     Refused(String),
 }
 
-/// The tokens of a data folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Keyring {
     data: PathBuf,
@@ -168,9 +163,6 @@ impl Keyring {
     }
 
     /// Creates a token and stores its digest. The token itself is only returned here.
-    ///
-    /// # Errors
-    /// See [`AccessError`].
     pub fn make(&mut self, name: &str, role: Role) -> Result<String, AccessError> {
         let refused = |why: String| Err(AccessError::Refused(why));
         if name.is_empty()
@@ -197,9 +189,6 @@ impl Keyring {
     }
 
     /// Removes a token. Returns whether there was one of this name.
-    ///
-    /// # Errors
-    /// [`AccessError::Write`], [`AccessError::Foreign`].
     pub fn revoke(&mut self, name: &str) -> Result<bool, AccessError> {
         let before = self.list().len();
         if let Some(keys) = &mut self.keys {
@@ -211,7 +200,6 @@ impl Keyring {
         self.write().map(|()| true)
     }
 
-    /// Lists the tokens.
     pub fn list(&self) -> &[Key] {
         self.keys.as_deref().unwrap_or_default()
     }

@@ -75,7 +75,6 @@ fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
 /// Bytes of the disk that must stay free: below that nothing is written.
 const FREE: u64 = 16 << 20;
 
-/// Why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     #[error("{path}: {source}")]

@@ -121,9 +121,6 @@ pub(super) struct ScheduledStart {
 
 /// Returns the history of the last days, if there is a journal. `running` are the behaviours that
 /// run now.
-///
-/// # Errors
-/// If the journal cannot be read.
 pub(super) fn read(
     data: &Path,
     days: u16,

@@ -148,9 +148,6 @@ pub fn schema() -> Value {
 }
 
 /// Parses a message of a page and serialises it again.
-///
-/// # Errors
-/// The parser's error, if the text is not a valid message of a page.
 pub fn understood(text: &str) -> serde_json::Result<String> {
     serde_json::to_string(&serde_json::from_str::<FromPage>(text)?)
 }

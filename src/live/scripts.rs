@@ -32,7 +32,6 @@ pub struct Script {
 /// Further information about a run, which may change.
 #[derive(Debug, Clone, Default)]
 pub struct RunDefinition {
-    /// Its scripts.
     pub scripts: Vec<Script>,
     /// Its timetable and the clock that it uses, if it has one.
     pub timetable: Option<(Timetable, Clock)>,

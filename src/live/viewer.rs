@@ -47,7 +47,6 @@ impl Drop for Viewer {
     }
 }
 
-/// The place of a viewer.
 #[derive(Debug)]
 pub(super) struct OpenPage {
     id: u32,

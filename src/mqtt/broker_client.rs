@@ -41,7 +41,11 @@ pub(super) struct BrokerClient {
     run: Run,
     listener: Listener,
     report: Report,
-    commands: CommandTasks,
+    /// The commands in progress: each in a separate task, a limited number at a time, dockings one after
+    /// the other.
+    commands: JoinSet<FinishedCommand>,
+    /// The command that drives the robot.
+    driving: Option<AbortHandle>,
     robot: Option<RobotInfo>,
     topics: Topics,
     phase: Phase,
@@ -72,7 +76,8 @@ impl BrokerClient {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> BrokerClient {
         BrokerClient {
             account,
-            commands: CommandTasks::new(run.clone()),
+            commands: JoinSet::new(),
+            driving: None,
             run,
             listener,
             report: Report::default(),
@@ -102,7 +107,7 @@ impl BrokerClient {
                     Some(event) => self.handle_connection(event),
                     None => self.connect(),
                 },
-                finished = self.commands.next() => self.answer(finished),
+                finished = next_finished(&mut self.commands) => self.answer(finished),
                 message = self.listener.next() => match message {
                     BusMessage::Event(one) => self.handle_event(&one.what),
                     BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
@@ -307,8 +312,47 @@ impl BrokerClient {
             None if words == "start" => Err("there is no behaviour to start".to_owned()),
             chosen => command.request(&chosen.unwrap_or_default()),
         };
-        self.commands.begin(command, request);
+        self.perform(command, request);
         Ok(())
+    }
+
+    /// Starts a command with its request to the run, if it has one.
+    fn perform(&mut self, command: BrokerCommand, request: Result<RunRequest, String>) {
+        let drives = matches!(
+            request,
+            Ok(RunRequest::Dock { .. } | RunRequest::Undock { .. })
+        );
+        let stops = matches!(request, Ok(RunRequest::Stop | RunRequest::ResetStop));
+        if drives || request == Ok(RunRequest::Stop) {
+            // Cancel the previous docking or undocking: the pilot then ends it.
+            self.cancel_driving();
+        }
+        if self.commands.len() >= MAX_STOPS {
+            return;
+        }
+        let full = self.commands.len() >= MAX_TASKS && !stops;
+        let run = self.run.clone();
+        let task = self.commands.spawn(async move {
+            let request = if full {
+                Err("too many commands at once".to_owned())
+            } else {
+                request
+            };
+            let response = match request {
+                Ok(request) => perform(&run, request).await,
+                Err(error) => RunResponse::Refused { error },
+            };
+            FinishedCommand { command, response }
+        });
+        if drives && !full {
+            self.driving = Some(task);
+        }
+    }
+
+    fn cancel_driving(&mut self) {
+        if let Some(last) = self.driving.take() {
+            last.abort();
+        }
     }
 
     fn answer(&mut self, finished: FinishedCommand) {
@@ -340,9 +384,9 @@ impl BrokerClient {
     async fn shut_down(mut self) {
         // A stop command may have caused this end; its answer is still sent.
         let deadline = Instant::now() + RESULTS_TIMEOUT;
-        self.commands.cancel_driving();
+        self.cancel_driving();
         while !self.commands.is_empty() {
-            match timeout_at(deadline, self.commands.next()).await {
+            match timeout_at(deadline, next_finished(&mut self.commands)).await {
                 Ok(finished) => self.answer(finished),
                 Err(_) => break,
             }
@@ -415,9 +459,6 @@ impl LimitedLog {
 /// Publishes the bus's events from now on at this broker, and passes commands from there to the run.
 /// Connects once the robot's uid is known, and reconnects whenever the connection is lost. The
 /// thread's end publishes the last messages. Does not wait for the network.
-///
-/// # Errors
-/// If the system cannot start a thread.
 pub fn start(bus: &Bus, run: Run, account: Account) -> io::Result<SideThread> {
     let listener = bus.subscribe();
     SideThread::start("mqtt", |stop| async move {
@@ -453,75 +494,14 @@ impl FinishedCommand {
     }
 }
 
-/// The commands in progress: each in a separate task, a limited number at a time, dockings one
-/// after the other.
-pub(super) struct CommandTasks {
-    run: Run,
-    tasks: JoinSet<FinishedCommand>,
-    /// The task of the command that drives the robot.
-    drive: Option<AbortHandle>,
-}
-
-impl CommandTasks {
-    pub(super) fn new(run: Run) -> CommandTasks {
-        let tasks = JoinSet::new();
-        let drive = None;
-        CommandTasks { run, tasks, drive }
-    }
-
-    /// Starts a command with its request to the run, if it has one.
-    fn begin(&mut self, command: BrokerCommand, request: Result<RunRequest, String>) {
-        let drives = matches!(
-            request,
-            Ok(RunRequest::Dock { .. } | RunRequest::Undock { .. })
-        );
-        let stops = matches!(request, Ok(RunRequest::Stop | RunRequest::ResetStop));
-        if drives || request == Ok(RunRequest::Stop) {
-            // Cancel the previous docking or undocking: the pilot then ends it.
-            self.cancel_driving();
-        }
-        if self.tasks.len() >= MAX_STOPS {
-            return;
-        }
-        let full = self.tasks.len() >= MAX_TASKS && !stops;
-        let run = self.run.clone();
-        let task = self.tasks.spawn(async move {
-            let request = if full {
-                Err("too many commands at once".to_owned())
-            } else {
-                request
-            };
-            let response = match request {
-                Ok(request) => perform(&run, request).await,
-                Err(error) => RunResponse::Refused { error },
-            };
-            FinishedCommand { command, response }
-        });
-        if drives && !full {
-            self.drive = Some(task);
-        }
-    }
-
-    /// Cancels the docking or undocking in progress.
-    pub(super) fn cancel_driving(&mut self) {
-        if let Some(last) = self.drive.take() {
-            last.abort();
-        }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.tasks.is_empty()
-    }
-
-    /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
-    pub(super) async fn next(&mut self) -> FinishedCommand {
-        loop {
-            match self.tasks.join_next().await {
-                Some(Ok(finished)) => return finished,
-                // Cancelled in favour of a newer one.
-                Some(Err(_)) => {}
-                None => std::future::pending().await,
-            }
+/// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
+async fn next_finished(commands: &mut JoinSet<FinishedCommand>) -> FinishedCommand {
+    loop {
+        match commands.join_next().await {
+            Some(Ok(finished)) => return finished,
+            // Cancelled in favour of a newer one.
+            Some(Err(_)) => {}
+            None => std::future::pending().await,
         }
     }
 }

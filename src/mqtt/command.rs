@@ -14,16 +14,11 @@ const LONGEST_CHOICE: usize = 256;
 /// the answer: `{"command": "run patrol", "id": "7"}`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BrokerCommand {
-    /// The command, in words.
     pub command: String,
     pub id: Option<String>,
 }
 
 impl BrokerCommand {
-    /// Parses a command.
-    ///
-    /// # Errors
-    /// Why it is no valid command, in words.
     pub fn parse(payload: &[u8]) -> Result<BrokerCommand, String> {
         let text = text(payload, LONGEST)?;
         let mut read = BrokerCommand {
@@ -92,7 +87,6 @@ fn text(payload: &[u8], longest: usize) -> Result<&str, String> {
 pub struct CommandResult {
     #[serde(flatten)]
     pub command: BrokerCommand,
-    /// Whether the command was executed.
     pub done: bool,
     /// How it ended, or why it was not executed.
     pub text: Option<String>,

@@ -32,9 +32,7 @@ const CONNECTING: u64 = 10;
 pub struct Account {
     /// The `mqtt:` section of the config.
     pub options: config::Mqtt,
-    /// The password of its user.
     pub password: Option<String>,
-    /// The certificates of its `ca_file`.
     pub ca: Option<Vec<u8>>,
 }
 
@@ -46,11 +44,8 @@ impl std::fmt::Debug for Account {
 
 #[derive(Debug)]
 pub(super) enum ConnectionEvent {
-    /// The broker has accepted the connection.
     Up,
-    /// A message was received.
     Message(Publish),
-    /// The broker has confirmed a subscription.
     Subscribed,
     /// The broker has confirmed a message of ours.
     Acknowledged,

@@ -27,7 +27,6 @@ const MAX_ROBOTS: usize = 10_000;
 pub struct Found {
     /// Its robot's uid, as used in topics.
     pub robot: String,
-    /// Whether it is connected.
     pub presence: Presence,
     /// The last state that it published; `Null` if unknown.
     pub state: Value,
@@ -43,9 +42,6 @@ pub struct Fleet {
 
 impl Fleet {
     /// Connects to the broker and lists its agents.
-    ///
-    /// # Errors
-    /// The broker cannot be reached, in words.
     pub async fn connect(account: Account) -> Result<Fleet, String> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
         let connection = Connection::connect(&account, &client, None);
@@ -164,7 +160,6 @@ impl Fleet {
         Ok(answers)
     }
 
-    /// Disconnects.
     pub async fn disconnect(self) {
         self.connection.close(Duration::from_secs(1)).await;
     }

@@ -58,9 +58,7 @@ pub(super) fn id_of(uid: &str) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Presence {
-    /// The agent is connected.
     Online,
-    /// The agent has disconnected.
     Offline,
     /// The connection broke: the broker publishes this on the agent's behalf.
     ConnectionBroken,
@@ -73,7 +71,6 @@ impl Presence {
         Presence::ConnectionBroken,
     ];
 
-    /// Returns the word used as the payload.
     pub fn word(self) -> &'static str {
         match self {
             Presence::Online => "ONLINE",

@@ -41,9 +41,6 @@ impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
     /// Waiting messages are stored in this data folder. Does not wait for disk or network.
-    ///
-    /// # Errors
-    /// If the system cannot start a thread.
     pub fn start(
         bus: &Bus,
         data: &Path,

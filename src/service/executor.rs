@@ -14,10 +14,10 @@ use tracing::{error, info, warn};
 
 use super::idle::{self, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{ManagerNotifier, RecordFile, Reload, Service, ServicePlan, View};
+use super::{ManagerNotifier, RecordFile, Reload, ServicePlan, View};
 use crate::agent::{
-    Agent, AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, PilotClient,
-    PilotClientError, Roster, RosterError,
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, PilotClient, PilotClientError,
+    Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
 use crate::control::Change;
@@ -47,10 +47,10 @@ pub(super) struct Executor {
     docking_task: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
     last_record: Option<Record>,
-    file: RecordFile,
-    notifier: ManagerNotifier,
-    bus: Bus,
-    view: watch::Sender<View>,
+    pub(super) file: RecordFile,
+    pub(super) notifier: ManagerNotifier,
+    pub(super) bus: Bus,
+    pub(super) view: watch::Sender<View>,
     last_status: String,
     implausible: bool,
     /// Whether a person's STOP holds.
@@ -58,19 +58,22 @@ pub(super) struct Executor {
 }
 
 impl Executor {
-    /// Takes a service apart: what its agent does not need is the executor's.
-    pub(super) fn new(service: Service) -> (Executor, Agent, mpsc::Receiver<Reload>) {
-        let agent = service.agent;
-        let roster = agent.roster();
-        let service_plan = service.service_plan;
-        let record = service.record.record.clone();
-        let executor = Executor {
+    /// An executor whose record, manager, bus and view are those of nobody.
+    pub(super) fn new(
+        roster: Roster,
+        requests: mpsc::Sender<Request>,
+        status: watch::Receiver<Status>,
+        clock: Clock,
+        planner: Planner,
+        service_plan: ServicePlan,
+    ) -> Executor {
+        Executor {
             statuses: roster.statuses(),
             stops: roster.stops(),
-            requests: agent.requests(),
-            status: service.status,
-            clock: service.clock,
-            planner: Planner::new(service_plan.table.clone(), record),
+            requests,
+            status,
+            clock,
+            planner,
             idle: IdleRobot::new(service_plan.idle.clone()),
             waiting: service_plan.always.iter().cloned().collect(),
             service_plan,
@@ -79,15 +82,14 @@ impl Executor {
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
-            file: service.record,
-            notifier: service.notifier,
-            bus: service.bus,
-            view: service.view,
+            file: RecordFile::default(),
+            notifier: ManagerNotifier::default(),
+            bus: Bus::default(),
+            view: View::channel().0,
             last_status: String::new(),
             implausible: false,
             stopped: false,
-        };
-        (executor, agent, service.reloads)
+        }
     }
 
     /// Never returns. Does nothing after `stop`, so that behaviours running then stay recorded as
@@ -430,19 +432,15 @@ impl Orders {
         self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
         self.tasks.spawn(async move {
-            match order {
-                Change::Start => {
-                    let started = roster.start(&run, None).await;
-                    OrderResult::Started(run, started)
-                }
-                Change::Stop => {
-                    let stopped = roster.stop(&run).await;
-                    OrderResult::Changed(run, stopped)
-                }
-                Change::Restart => {
-                    let restarted = roster.restart(&run).await;
-                    OrderResult::Changed(run, restarted)
-                }
+            let done = match order {
+                Change::Start => roster.start(&run, None).await,
+                Change::Stop => roster.stop(&run).await,
+                Change::Restart => roster.restart(&run).await,
+            };
+            if order == Change::Start {
+                OrderResult::Started(run, done)
+            } else {
+                OrderResult::Changed(run, done)
             }
         });
     }
@@ -574,9 +572,9 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
-    use crate::agent::{Bus, BusMessage, Listener};
+    use crate::agent::{BusMessage, Listener};
+    use crate::config;
     use crate::robot::{BehaviourId, Priority};
-    use crate::service::{IdlePolicy, RecordFile};
     use crate::timetable::{Rule, Timetable};
 
     type Reply = oneshot::Sender<Result<(), RosterError>>;
@@ -607,17 +605,15 @@ mod tests {
                 quiet: None,
                 catch_up: "10m".parse().unwrap(),
             };
-            let idle = IdlePolicy {
-                release: false,
-                after: Duration::from_secs(60),
-                dock: false,
-            };
             let service_plan = ServicePlan {
                 specs: Vec::new(),
                 always: Vec::new(),
                 table: table.clone(),
                 quiet_alarm: true,
-                idle,
+                idle: config::Service {
+                    dock: false,
+                    ..config::Service::default()
+                },
             };
             let bus = Bus::default();
             let statuses = watch::Sender::new(Vec::new());
@@ -632,21 +628,17 @@ mod tests {
                 orders,
                 heard: bus.subscribe(),
             };
-            let listeners = Listeners {
-                file: RecordFile::default(),
-                notifier: crate::service::ManagerNotifier::default(),
+            let mut executor = Executor {
                 bus,
-                view: View::channel().0,
+                ..Executor::new(
+                    roster,
+                    mpsc::channel(8).0,
+                    fixture.status.subscribe(),
+                    Clock::default(),
+                    Planner::new(table, Record::default()),
+                    service_plan,
+                )
             };
-            let mut executor = Executor::new(
-                roster,
-                mpsc::channel(8).0,
-                fixture.status.subscribe(),
-                Clock::default(),
-                Planner::new(table, Record::default()),
-                service_plan,
-                listeners,
-            );
             // Nobody reloads.
             let work = async move {
                 executor

@@ -21,7 +21,7 @@ use crate::clock::{Clock, is_plausible};
 use crate::config;
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
-use crate::timetable::Timetable;
+use crate::timetable::{Planner, Timetable};
 
 pub use manager_notifier::ManagerNotifier;
 pub use record::RecordFile;
@@ -108,14 +108,25 @@ impl Service {
         }
     }
 
-    /// Runs until `stop` is cancelled.
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let notifier = self.notifier.clone();
-        let (mut executor, agent, reloads) = Executor::new(self);
+        let planner = Planner::new(self.service_plan.table.clone(), self.record.record.clone());
+        let mut executor = Executor::new(
+            self.agent.roster(),
+            self.agent.requests(),
+            self.status,
+            self.clock,
+            planner,
+            self.service_plan,
+        );
+        executor.file = self.record;
+        executor.notifier = self.notifier;
+        executor.bus = self.bus;
+        executor.view = self.view;
         let outcome = tokio::select! {
             biased;
-            outcome = agent.run(stop.clone()) => outcome,
-            never = executor.work(reloads, stop) => match never {},
+            outcome = self.agent.run(stop.clone()) => outcome,
+            never = executor.work(self.reloads, stop) => match never {},
         };
         notifier.stopping();
         outcome

@@ -47,7 +47,6 @@ pub(in crate::cli) struct CheckArgs {
     tries: TryArgs,
 }
 
-/// How scripts are tried.
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct TryArgs {
     /// Time limit of each try, in seconds of real time; a longer try counts as failed
@@ -82,7 +81,6 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-/// Runs the lesson's scenarios with a script.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     file: &Path,

@@ -39,7 +39,6 @@ pub(in crate::cli) struct GradeArgs {
     tries: TryArgs,
 }
 
-/// The result of one learner.
 #[derive(Default)]
 struct Graded {
     name: String,

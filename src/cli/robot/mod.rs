@@ -55,10 +55,6 @@ pub(super) enum RobotCommand {
     UploadSound(upload::UploadArgs),
 }
 
-/// Runs the subcommand.
-///
-/// # Errors
-/// An invalid command line, a robot that cannot be reached, or an unexpected reply.
 pub(super) fn run(
     command: &RobotCommand,
     settings: &CommandSettings,

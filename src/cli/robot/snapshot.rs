@@ -50,9 +50,6 @@ pub(super) fn snapshot(args: &SnapshotArgs, settings: &CommandSettings) -> Resul
 }
 
 /// Takes a picture, itself or through the run that uses the robot, and has it used.
-///
-/// # Errors
-/// The config keeps video off, no intact frame arrives within these seconds, or its use fails.
 pub(in crate::cli) fn with_picture(
     target: &SharedTargetArgs,
     settings: &CommandSettings,
