@@ -1,7 +1,6 @@
 //! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core,
 //! agent, page, broker, journal, notifications and the socket for other commands.
 
-use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -27,7 +26,7 @@ use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Effective};
 use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
 use crate::live::RunDefinition;
-use crate::mqtt::Account;
+use crate::mqtt;
 use crate::pilot::{DrivingCore, Status};
 use crate::robot::EndReason;
 use crate::timetable::View;
@@ -68,14 +67,6 @@ pub(super) struct StartedRun {
     pub(super) stop: CancellationToken,
 }
 
-struct Parts {
-    plan: Plan,
-    attempts: ConnectAttempts,
-    server: io::Result<ControlServer>,
-    emergency_stop: EmergencyStop,
-    account: Option<Account>,
-}
-
 impl RunSetup<'_> {
     /// Starts everything that a run needs, has `drive` run the agent, and ends the rest.
     pub(super) fn run(
@@ -94,16 +85,9 @@ impl RunSetup<'_> {
         warn_of_unpaid_stop(config);
         let bus = Bus::default();
         let emergency_stop = emergency_stop(config, simulated, &bus);
-        let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
         let attempts = ConnectAttempts::default();
-        let parts = Parts {
-            plan: self.plan(&core, &bus, &attempts)?,
-            attempts,
-            server,
-            emergency_stop: emergency_stop.clone(),
-            account: fleet::account_of_run(settings)?,
-        };
+        let plan = self.plan(&core, &bus, &attempts)?;
         let journal = if self.keeps_journal {
             let target = self.robot.address.to_string();
             journal(&self.robot.config, &bus, &target, simulated, self.clock)
@@ -113,7 +97,8 @@ impl RunSetup<'_> {
         let notifier = notify::start(settings, &bus)?;
         let trace = self.trace.take();
         let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let outcome = runtime.block_on(self.run_agent(parts, console, drive));
+        let outcome =
+            runtime.block_on(self.run_agent(plan, attempts, &emergency_stop, console, drive));
         drop(core);
         runtime.shutdown_timeout(RUNTIME_LIMIT);
         emergency_stop.finish(JOURNAL_END);
@@ -161,17 +146,21 @@ impl RunSetup<'_> {
     /// Runs the agent, and serves page, broker and other commands meanwhile.
     async fn run_agent(
         self,
-        parts: Parts,
+        plan: Plan,
+        attempts: ConnectAttempts,
+        emergency_stop: &EmergencyStop,
         console: &Console,
         drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
     ) -> Result<Exit, Failure> {
-        let core = parts.plan.core.clone();
-        let bus = parts.plan.bus.clone();
+        let server = ControlServer::open(self.robot.config.data_folder());
+        let account = fleet::account_of_run(self.settings)?;
+        let core = plan.core.clone();
+        let bus = plan.bus.clone();
         let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
         let listener = bus.subscribe();
         let stop = CancellationToken::new();
-        let (agent, status) = Agent::new(parts.plan);
-        parts.emergency_stop.restore(&agent.requests());
+        let (agent, status) = Agent::new(plan);
+        emergency_stop.restore(&agent.requests());
         let is_service = self.service.is_some();
         let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
         handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
@@ -182,7 +171,7 @@ impl RunSetup<'_> {
             pictures: agent.pictures(),
             reactions: agent.reactions(),
             end: None,
-            emergency_stop: parts.emergency_stop,
+            emergency_stop: emergency_stop.clone(),
             streams: self.robot.config.streams,
             target: self.robot.address.to_string(),
             simulated: sim.is_some(),
@@ -207,8 +196,12 @@ impl RunSetup<'_> {
             .page
             .map(|page| live::serve(config, shared.clone(), page, listener, console));
         let _page = page.transpose()?;
-        let mqtt = fleet::start_broker(&bus, &shared, parts.account);
-        let line = StatusLine::new(self.names, sim, parts.attempts);
+        let mqtt = account.and_then(|account| {
+            let started = mqtt::start(&bus, shared.clone(), account);
+            // Without it, the run continues.
+            started.map_err(|error| tracing::warn!("{error}")).ok()
+        });
+        let line = StatusLine::new(self.names, sim, attempts);
         let started = StartedRun {
             agent,
             status: status.clone(),
@@ -218,7 +211,7 @@ impl RunSetup<'_> {
         let exit = tokio::select! {
             exit = drive(started) => exit,
             never = show(line, status, console, is_service, String::new) => match never {},
-            never = serve(parts.server, run) => match never {},
+            never = serve(server, run) => match never {},
         };
         mqtt.map(|mqtt| mqtt.finish(fleet::BROKER_END));
         exit

@@ -104,11 +104,7 @@ impl FastSetup<'_> {
         };
         let watched = watch_over(simulate, stop, showing, console);
         let (exit, simulated) = runtime.block_on(watched)?;
-        let real = began.elapsed();
-        let factor = factor(simulated, real);
-        let seconds = real.as_secs_f64();
-        let simulated = hours(simulated);
-        tracing::info!("{simulated} simulated in {seconds:.1} s ({factor:.0}x)");
+        tracing::info!("{}", summary(simulated, began.elapsed()));
         events.map_or(Ok(()), EventFile::finish)?;
         exit
     }
@@ -175,6 +171,13 @@ fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
 /// How many times faster than real time it runs.
 fn factor(simulated: Duration, real: Duration) -> f64 {
     simulated.as_secs_f64() / real.as_secs_f64().max(1e-6)
+}
+
+fn summary(simulated: Duration, real: Duration) -> String {
+    let factor = factor(simulated, real);
+    let seconds = real.as_secs_f64();
+    let simulated = hours(simulated);
+    format!("{simulated} simulated in {seconds:.1} s ({factor:.0}x)")
 }
 
 /// An event log file with one JSON object per line; or the first error of writing it.

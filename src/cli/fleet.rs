@@ -12,11 +12,8 @@ use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
-use crate::control::Run;
 use crate::files;
-use crate::mqtt::{self, Account, Fleet, Found, Presence};
-use crate::robot::Bus;
-use crate::side_thread::SideThread;
+use crate::mqtt::{Account, Fleet, Found, Presence};
 
 /// Timeout for an agent's reply, which includes loading or ending behaviours.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
@@ -238,10 +235,4 @@ pub(super) fn account_of_run(settings: &Effective) -> Result<Option<Account>, Fa
         return Err(secret::refuse_found(config, what));
     }
     Ok(account)
-}
-
-/// Starts the broker connection of a run. On an error the run continues without it.
-pub(super) fn start_broker(bus: &Bus, run: &Run, account: Option<Account>) -> Option<SideThread> {
-    let started = mqtt::start(bus, run.clone(), account?);
-    started.map_err(|error| tracing::warn!("{error}")).ok()
 }

@@ -81,7 +81,11 @@ pub(super) fn run(
     let simulated = robot.is_simulated();
     let why = "--date needs --sim: a real robot uses today's date";
     robot.refuse_if_real(args.date.is_some(), why)?;
-    become_user(&config, simulated)?;
+    // A service of a simulated robot keeps its user, unless the config names one.
+    let user = config.service.user.as_deref();
+    if !simulated || user.is_some() {
+        drop_root(user, config.data_folder())?;
+    }
     settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loader = PlanLoader {
@@ -111,15 +115,6 @@ pub(super) fn run(
     }
     let robot = robot.start(config, sim_options)?;
     in_real_time(args, settings.load()?, robot, loader, loaded, console)
-}
-
-/// A service of a simulated robot keeps its user, unless the config names one.
-fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
-    let user = config.service.user.as_deref();
-    if simulated && user.is_none() {
-        return Ok(());
-    }
-    drop_root(user, config.data_folder())
 }
 
 fn in_real_time(

@@ -1,7 +1,7 @@
 //! `spykee sim`: a simulated robot for any Spykee client.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use tokio::time::interval;
@@ -61,7 +61,10 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let args = &args.server;
     let world = load(args.world.as_deref())?;
-    let faults = args.faults.as_deref().map(load_faults).transpose()?;
+    let faults = args.faults.as_deref().map(Fault::load_list).transpose();
+    let faults = faults.map_err(|error| {
+        Failure::usage(error).help("the README's section on broken networks lists all faults")
+    })?;
     let options = Options {
         listen: args.listen,
         login: args.login.login(&Effective::default())?,
@@ -71,12 +74,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         ..Options::default()
     };
     block_on(serve(world, options, console))?
-}
-
-fn load_faults(path: &Path) -> Result<Vec<Fault>, Failure> {
-    Fault::load_list(path).map_err(|error| {
-        Failure::usage(error).help("the README's section on broken networks lists all faults")
-    })
 }
 
 async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {

@@ -10,6 +10,7 @@ use tokio::time::Instant;
 use super::Console;
 use crate::agent::ConnectAttempts;
 use crate::clock::every;
+use crate::control;
 use crate::live::FrameRate;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
@@ -85,11 +86,7 @@ impl StatusLine {
             (LinkState::Connecting, attempts @ 1..) => {
                 format!("waiting for the robot, attempts so far: {attempts}")
             }
-            (link, _) => match link.absence() {
-                Some(words) => words.to_owned(),
-                None if status.emergency_stop => "stopped by a person".to_owned(),
-                None => status.safety.to_string(),
-            },
+            _ => control::describe(status),
         }
     }
 }

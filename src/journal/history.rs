@@ -106,7 +106,7 @@ impl JournalReader {
             let known = schema::VERSION;
             return Err(JournalError::Newer { found, known });
         }
-        schema::validate(&connection, found)?;
+        schema::validate(schema::STEPS, &connection, found)?;
         // Version 0: created, but not written yet.
         if found == 0 {
             return Ok(None);

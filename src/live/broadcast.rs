@@ -156,10 +156,6 @@ impl Broadcast {
         self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn viewer_count(&self) -> usize {
-        self.lock_viewers().open.len()
-    }
-
     /// Whenever STOP holds, also one of an earlier program, holds the tracks and takes the drive
     /// lock from the viewer that drives.
     async fn hold_tracks(&self) {
@@ -347,33 +343,22 @@ const MAX_POINTS: usize = 600;
 /// Interval at which an unchanged level is recorded.
 const EVERY: Duration = Duration::from_secs(30);
 
-#[derive(Debug, Clone, Copy)]
-struct Point {
-    at: Instant,
-    percent: Option<u8>,
-    charging: bool,
-}
-
-/// Battery levels for the plot: bounded in size, coarser for older values.
+/// Battery levels for the plot, with their times: bounded in number, fewer of older ones.
 #[derive(Debug, Default)]
-pub(super) struct BatteryHistory(VecDeque<Point>);
+pub(super) struct BatteryHistory(VecDeque<(Instant, Battery)>);
 
 impl BatteryHistory {
     /// Records a level if it has changed or the last record is old. Returns whether it was
     /// recorded.
     pub(super) fn record(&mut self, battery: Battery, at: Instant) -> bool {
-        let percent = battery.percent.map(Percent::get);
-        let charging = battery.charging;
-        let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
-        let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
-        if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
+        let is_same = |(last_at, last): &(Instant, Battery)| {
+            (last.percent, last.charging) == (battery.percent, battery.charging)
+                && at.saturating_duration_since(*last_at) < EVERY
+        };
+        if self.0.back().is_some_and(is_same) {
             return false;
         }
-        self.0.push_back(Point {
-            at,
-            percent,
-            charging,
-        });
+        self.0.push_back((at, battery));
         if self.0.len() > MAX_POINTS {
             let mut index = 0;
             self.0.retain(|_| {
@@ -386,11 +371,11 @@ impl BatteryHistory {
 
     /// Returns seconds before now, percent if it is known, charging; oldest first.
     pub(super) fn points(&self, now: Instant) -> Vec<(f32, Option<u8>, bool)> {
-        let ago = |at| now.saturating_duration_since(at).as_secs_f32();
-        self.0
-            .iter()
-            .map(|point| (ago(point.at), point.percent, point.charging))
-            .collect()
+        let point = |(at, battery): &(Instant, Battery)| {
+            let ago = now.saturating_duration_since(*at).as_secs_f32();
+            (ago, battery.percent.map(Percent::get), battery.charging)
+        };
+        self.0.iter().map(point).collect()
     }
 }
 

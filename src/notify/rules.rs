@@ -82,7 +82,9 @@ impl Rules {
                 if !*low || was_low {
                     return None;
                 }
-                Some(self.notice(Rule::Low, self.low_text()))
+                let level = self.battery.map(|battery| format!(": {}", battery.level()));
+                let text = format!("the battery is low{}", level.unwrap_or_default());
+                Some(self.notice(Rule::Low, text))
             }
             AgentEvent::Safety {
                 action: SafetyAction::Alarm,
@@ -180,13 +182,6 @@ impl Rules {
         let robot = self.robot.as_deref().unwrap_or("spykee");
         let text = format!("{robot} has been out of reach for {minutes:.0} min{why}");
         Some(self.notice(Rule::Unreachable, text))
-    }
-
-    fn low_text(&self) -> String {
-        match self.battery {
-            Some(battery) => format!("the battery is low: {}", battery.level()),
-            None => "the battery is low".to_owned(),
-        }
     }
 
     /// A notice whose time is still to be set.

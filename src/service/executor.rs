@@ -20,11 +20,11 @@ use crate::agent::{
     Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
-use crate::control::Change;
+use crate::control::{self, Change};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
-use crate::timetable::{Act, Due, NextStart, Notice, Planner, PlannerInputs, Record};
+use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
@@ -216,13 +216,39 @@ impl Executor {
                 info!(behaviour = run, "its time is over");
                 self.orders.give(Change::Stop, run);
             }
-            Act::Report(notice) => {
-                let zone = &self.service_plan.table.zone;
-                if let Some((run, reason)) = log_notice(&notice, zone) {
-                    self.report_missed(run, reason);
-                }
+            Act::ReportMissed {
+                run,
+                planned,
+                count,
+            } => {
+                let planned = self.describe(planned);
+                warn!(
+                    behaviour = run,
+                    count,
+                    "a start was missed: the service did not run, or the clock was not set; the last \
+                     one was planned for {planned}"
+                );
+                self.report_missed(&run, "the service did not run then");
             }
+            Act::ReportNoRobot { run, planned } => {
+                let planned = self.describe(planned);
+                warn!(
+                    behaviour = run,
+                    "a start was missed: no robot was connected; it was planned for {planned}"
+                );
+                self.report_missed(&run, "no robot was connected");
+            }
+            Act::ReportOverlap { run, planned } => {
+                let planned = self.describe(planned);
+                warn!(behaviour = run, "not started at {planned}: it still runs");
+                self.report_missed(&run, "it still runs");
+            }
+            Act::ReportClockSet { seconds } => info!("the clock was set by {seconds} s"),
         }
+    }
+
+    fn describe(&self, at: Timestamp) -> String {
+        clock::describe(&self.service_plan.table.zone.time(at))
     }
 
     fn start(&mut self, due: Due) {
@@ -237,7 +263,7 @@ impl Executor {
         } else {
             "starts by the timetable, planned for"
         };
-        let planned = clock::describe(&self.service_plan.table.zone.time(due.planned));
+        let planned = self.describe(due.planned);
         info!(behaviour = run, "{doing} {planned}");
         self.orders.give(Change::Start, run);
     }
@@ -476,45 +502,6 @@ async fn send_home(requests: mpsc::Sender<Request>) -> Result<DockOutcome, Pilot
     client?.dock(DockPlan::DEFAULT).await
 }
 
-/// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
-/// reason.
-fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
-    let time = |at: &Timestamp| clock::describe(&zone.time(*at));
-    match notice {
-        Notice::Missed {
-            run,
-            planned,
-            count,
-        } => {
-            let planned = time(planned);
-            warn!(
-                behaviour = run,
-                count,
-                "a start was missed: the service did not run, or the clock was not set; the last one \
-                 was planned for {planned}"
-            );
-            Some((run.as_str(), "the service did not run then"))
-        }
-        Notice::NoRobot { run, planned } => {
-            let planned = time(planned);
-            warn!(
-                behaviour = run,
-                "a start was missed: no robot was connected; it was planned for {planned}"
-            );
-            Some((run.as_str(), "no robot was connected"))
-        }
-        Notice::Overlap { run, planned } => {
-            let planned = time(planned);
-            warn!(behaviour = run, "not started at {planned}: it still runs");
-            Some((run.as_str(), "it still runs"))
-        }
-        Notice::ClockSet { seconds } => {
-            info!("the clock was set by {seconds} s");
-            None
-        }
-    }
-}
-
 fn log_quiet_hours(quiet: Quiet) {
     match quiet {
         Quiet::Off => info!("quiet hours are over"),
@@ -548,12 +535,7 @@ fn status_line<'a>(
     next: Option<(Timestamp, &str)>,
     zone: &Zone,
 ) -> String {
-    let robot = match (status.link, status.link.absence()) {
-        (LinkState::Connecting, _) => "waiting for the robot".to_owned(),
-        (_, Some(words)) => words.to_owned(),
-        (_, None) if status.emergency_stop => "stopped by a person".to_owned(),
-        (_, None) => status.safety.to_string(),
-    };
+    let robot = control::describe(status);
     let running: Vec<&str> = running.collect();
     let running = if running.is_empty() {
         "no behaviour runs".to_owned()

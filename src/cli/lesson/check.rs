@@ -168,7 +168,7 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
         let text = format!("{:#}\n", gradescope(feedback));
         std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;
     }
-    let failed = feedback.marks.first_failure();
+    let failed = feedback.marks.marks.iter().find_map(Mark::failure);
     let snapshot = failed.and_then(|failure| failure.snapshot.as_ref());
     if let (Some(path), Some(snapshot)) = (&args.picture, snapshot) {
         std::fs::write(path, &snapshot.picture)
@@ -238,10 +238,6 @@ impl Marks {
     /// The first error of the script itself, as opposed to unmet expectations.
     pub(super) fn script_error(&self) -> Option<&str> {
         self.marks.iter().find_map(Mark::script_error)
-    }
-
-    fn first_failure(&self) -> Option<&ScenarioFailure> {
-        self.marks.iter().find_map(Mark::failure)
     }
 }
 

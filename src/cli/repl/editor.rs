@@ -168,7 +168,8 @@ impl Prompt {
             let read = if self.interactive {
                 self.lines.readline(prompt)
             } else {
-                self.read_piped_line()
+                // Of a line that is too long, keeps only enough to detect that.
+                bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
             };
             match read {
                 Ok(line) => {
@@ -188,11 +189,6 @@ impl Prompt {
                 Err(_) => return Typed::End,
             }
         }
-    }
-
-    /// Reads a line from a pipe. Of a line that is too long, keeps only enough to detect that.
-    fn read_piped_line(&mut self) -> rustyline::Result<String> {
-        bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }
 
     fn line(&mut self, line: &str) -> Option<Typed> {
