@@ -81,10 +81,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
 fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Failure> {
     let settings = settings.load()?.settings();
     print(&if json {
-        format!(
-            "{:#}\n",
-            Json::Array(settings.iter().map(as_json).collect())
-        )
+        format!("{:#}\n", json!(settings))
     } else {
         settings
             .iter()
@@ -92,14 +89,6 @@ fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Fa
             .collect()
     })?;
     Ok(Exit::Done)
-}
-
-fn as_json(setting: &Setting) -> Json {
-    json!({
-        "key": setting.key,
-        "value": serde_json::to_value(&setting.value).unwrap_or(Json::Null),
-        "origin": setting.origin,
-    })
 }
 
 fn line(setting: &Setting, origin: bool) -> String {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::settings::CommandSettings;
 use super::table::aligned;
@@ -90,23 +90,13 @@ fn unreachable(error: String) -> Failure {
 fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
     let found: Vec<&Found> = fleet.found().collect();
     if as_json {
-        let list: Vec<Value> = found.into_iter().map(object).collect();
-        print_json(&list)?;
+        print_json(&found)?;
     } else if found.is_empty() {
         print("no robot has ever connected to this broker\n")?;
     } else {
         print(&aligned(HEAD, found.into_iter().map(row)))?;
     }
     Ok(Exit::Done)
-}
-
-fn object(found: &Found) -> Value {
-    let Found {
-        robot,
-        presence,
-        state,
-    } = found;
-    json!({ "robot": robot, "connection": presence, "state": state })
 }
 
 /// A table row. Shows the state only of online robots: the last state of others may be out of date.
@@ -127,46 +117,39 @@ fn row(found: &Found) -> Vec<String> {
 
 /// Sends the command to all chosen robots at once and prints the outcome of each.
 async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Result<Exit, Failure> {
-    let (chosen, absent) = choose(fleet, named)?;
-    let answers = fleet.ask(&chosen, command, REPLY_TIMEOUT).await;
+    let chosen = choose(fleet, named)?;
+    let online = chosen
+        .iter()
+        .filter(|(_, presence)| *presence == Presence::Online);
+    let online: Vec<String> = online.map(|(robot, _)| robot.clone()).collect();
+    let answers = fleet.ask(&online, command, REPLY_TIMEOUT).await;
     let answers = answers.map_err(unreachable)?;
-    let mut exit = if absent.is_empty() {
-        Exit::Done
-    } else {
-        Exit::Check
-    };
+    let mut exit = Exit::Done;
     let mut text = String::new();
-    for (robot, presence) in absent {
-        text += &format!("{robot}: not asked, it is {}\n", presence.word());
-    }
-    for robot in chosen {
-        let outcome = match answers.get(&robot) {
-            Some(answer) if answer.done => "done".to_owned(),
+    for (robot, presence) in chosen {
+        let problem = match answers.get(&robot) {
+            Some(answer) if answer.done => None,
             Some(answer) => {
-                exit = Exit::Check;
-                format!(
-                    "not done: {}",
-                    answer.text.as_deref().unwrap_or("no reason")
-                )
+                let why = answer.text.as_deref().unwrap_or("no reason");
+                Some(format!("not done: {why}"))
             }
-            None => {
-                exit = Exit::Check;
-                format!("no answer within {} s", REPLY_TIMEOUT.as_secs())
+            None if presence == Presence::Online => {
+                Some(format!("no answer within {} s", REPLY_TIMEOUT.as_secs()))
             }
+            None => Some(format!("not asked, it is {}", presence.word())),
         };
-        text += &format!("{robot}: {outcome}\n");
+        if problem.is_some() {
+            exit = Exit::Check;
+        }
+        text += &format!("{robot}: {}\n", problem.as_deref().unwrap_or("done"));
     }
     print(&text)?;
     Ok(exit)
 }
 
-/// The robots to ask, and those that are not online.
-type Chosen = (Vec<String>, Vec<(String, Presence)>);
-
-/// Chooses the robots to ask, and lists those that are meant but not online, with their presence.
-/// An agent that lost its connection may still be driving without the broker, so `all` also reports
-/// that it was not asked.
-fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
+/// The robots that are meant, with their presence. An agent that lost its connection may still be driving
+/// without the broker, so `all` means it too; one that logged off is not meant.
+fn choose(fleet: &Fleet, named: &[String]) -> Result<Vec<(String, Presence)>, Failure> {
     let all = named.iter().any(|name| name == ALL);
     let names: BTreeSet<&str> = named.iter().map(String::as_str).collect();
     let unknown = names
@@ -176,25 +159,21 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         let failure = Failure::usage(format_args!("no robot {unknown} at this broker"));
         return Err(failure.help("`spykee fleet list` lists the robots"));
     }
-    let mut chosen = Vec::new();
-    let mut absent = Vec::new();
-    for found in fleet.found() {
-        let wanted = names.contains(found.robot.as_str());
-        match found.presence {
-            Presence::Online if all || wanted => chosen.push(found.robot.clone()),
-            // With `all`, an agent that logged off is not a failure.
-            Presence::Offline if !wanted => {}
-            presence if all || wanted => absent.push((found.robot.clone(), presence)),
-            _ => {}
-        }
-    }
-    if chosen.is_empty() && absent.is_empty() {
+    let is_meant = |found: &&Found| {
+        let is_here = all && found.presence != Presence::Offline;
+        is_here || names.contains(found.robot.as_str())
+    };
+    let meant = fleet.found().filter(is_meant);
+    let chosen: Vec<_> = meant
+        .map(|found| (found.robot.clone(), found.presence))
+        .collect();
+    if chosen.is_empty() {
         return Err(
             Failure::new(Exit::Unreachable, "no robot is online at this broker")
                 .help("a run appears there if its config names the same broker"),
         );
     }
-    Ok((chosen, absent))
+    Ok(chosen)
 }
 
 /// The broker's account, if the config names a broker.

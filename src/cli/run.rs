@@ -20,7 +20,7 @@ use crate::clock::{Date, Span};
 use crate::config::{Config, Effective, Entry};
 use crate::control::{self, SimulatedRobot};
 use crate::journal;
-use crate::live::{RunDefinition, Script};
+use crate::live::RunDefinition;
 use crate::robot::Streams;
 use crate::sim::{self, World};
 use crate::simulation::{self, Running, SimClock};
@@ -220,8 +220,9 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 /// What the page shows of the behaviours.
 fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
-    let scripts: Vec<Script> = behaviours.iter().map(live::script).collect();
-    watch::channel(scripts.into()).1
+    let scripts = behaviours.iter().map(live::script).collect();
+    let timetable = None;
+    watch::channel(RunDefinition { scripts, timetable }).1
 }
 
 /// Runs in virtual time, in this process.

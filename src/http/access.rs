@@ -63,18 +63,10 @@ impl Access {
     pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {
         let keyring = self.keyring.borrow();
         if keyring.is_unused() {
-            return Some(Visitor {
-                role: Role::Driver,
-                key: None,
-                user: None,
-            });
+            return Some(Visitor::new(Role::Driver, None));
         }
         let key = keyring.find(token?)?.clone();
-        Some(Visitor {
-            role: key.role,
-            key: Some(key),
-            user: None,
-        })
+        Some(Visitor::new(key.role, Some(key)))
     }
 
     /// Returns the visitor with this token; `None` for a wrong one, which is logged.
@@ -151,12 +143,19 @@ pub struct Visitor {
 }
 
 impl Visitor {
+    pub(super) fn new(role: Role, key: Option<Key>) -> Visitor {
+        Visitor {
+            role,
+            key,
+            user: None,
+        }
+    }
+
     /// A program of this user on this computer: what it may do to the process it may do here.
     pub(super) fn local(user: u32) -> Visitor {
         Visitor {
-            role: Role::Driver,
-            key: None,
             user: Some(user),
+            ..Visitor::new(Role::Driver, None)
         }
     }
 

@@ -142,11 +142,7 @@ mod tests {
     }
 
     fn visitor(role: Role) -> Visitor {
-        Visitor {
-            role,
-            key: None,
-            user: None,
-        }
+        Visitor::new(role, None)
     }
 
     fn open(places: &[Place]) -> usize {

@@ -34,7 +34,7 @@ pub struct Line {
     /// Milliseconds since 1970.
     pub at: u64,
     /// `error`, `warn`, `info`, `debug` or `trace`.
-    pub level: &'static str,
+    pub level: String,
     /// The behaviour, if a behaviour logged it.
     pub behaviour: Option<String>,
     /// The line of its script.
@@ -109,13 +109,7 @@ impl Line {
     fn new(event: EventFields, level: Level) -> Line {
         let mut line = Line {
             at: now(),
-            level: match level {
-                Level::ERROR => "error",
-                Level::WARN => "warn",
-                Level::INFO => "info",
-                Level::DEBUG => "debug",
-                Level::TRACE => "trace",
-            },
+            level: level.as_str().to_lowercase(),
             behaviour: None,
             line: None,
             text: event.message.unwrap_or_default(),
@@ -167,7 +161,7 @@ impl LogBuffer {
                 let text = format!("{missed} lines were dropped: they came too fast for the page");
                 self.write(Line {
                     at: now(),
-                    level: "warn",
+                    level: "warn".to_owned(),
                     behaviour: None,
                     line: None,
                     text,
@@ -201,7 +195,7 @@ mod tests {
     fn line(text: &str) -> Line {
         Line {
             at: 0,
-            level: "info",
+            level: "info".to_owned(),
             behaviour: None,
             line: None,
             text: text.to_owned(),
@@ -230,7 +224,7 @@ mod tests {
         event.add("legs", "3".to_owned(), false);
         let read = Line::new(event, Level::WARN);
         assert_eq!(
-            (read.level, read.line, &*read.text),
+            (&*read.level, read.line, &*read.text),
             ("warn", Some(12), "hello legs=3")
         );
         assert_eq!(read.behaviour.as_deref(), Some("patrol"));

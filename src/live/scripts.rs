@@ -37,15 +37,6 @@ pub struct RunDefinition {
     pub timetable: Option<(Timetable, Clock)>,
 }
 
-impl From<Vec<Script>> for RunDefinition {
-    fn from(scripts: Vec<Script>) -> RunDefinition {
-        RunDefinition {
-            scripts,
-            timetable: None,
-        }
-    }
-}
-
 /// A behaviour for the page.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Behaviour {

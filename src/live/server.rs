@@ -82,13 +82,9 @@ impl Live {
 
     /// Returns the page's address for a browser on this machine.
     pub fn url(&self) -> String {
-        let mut address = self.address;
+        let address = self.address;
         if address.ip().is_unspecified() {
-            let loopback = match address {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
-            };
-            address.set_ip(loopback);
+            return format!("http://localhost:{}/", address.port());
         }
         format!("http://{address}/")
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use rumqttc::Publish;
+use serde::Serialize;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
@@ -23,10 +24,11 @@ const LONGEST_STATE: usize = 16 << 10;
 const MAX_ROBOTS: usize = 10_000;
 
 /// An agent known to the broker.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
     /// Its robot's uid, as used in topics.
     pub robot: String,
+    #[serde(rename = "connection")]
     pub presence: Presence,
     /// The last state that it published; `Null` if unknown.
     pub state: Value,
