@@ -143,6 +143,33 @@ impl RunSetup<'_> {
         })
     }
 
+    /// The handles through which persons control the run.
+    fn control_run(
+        &self,
+        agent: &Agent,
+        status: &watch::Receiver<Status>,
+        emergency_stop: &EmergencyStop,
+    ) -> control::Run {
+        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
+        let service = self.service.as_ref();
+        control::Run {
+            requests: agent.requests(),
+            roster: agent.roster(),
+            status: status.clone(),
+            pictures: agent.pictures(),
+            reactions: agent.reactions(),
+            end: None,
+            emergency_stop: emergency_stop.clone(),
+            streams: self.robot.config.streams,
+            target: self.robot.address.to_string(),
+            simulated: sim.is_some(),
+            sim: self.page.as_ref().and(sim).map(SimulatedRobot::from),
+            began: Instant::now(),
+            // A single run has no timetable.
+            view: service.map_or_else(|| View::channel().1, |service| service.view.clone()),
+        }
+    }
+
     /// Runs the agent, and serves page, broker and other commands meanwhile.
     async fn run_agent(
         self,
@@ -164,28 +191,7 @@ impl RunSetup<'_> {
         let is_service = self.service.is_some();
         let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
         handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
-        let shared = control::Run {
-            requests: agent.requests(),
-            roster: agent.roster(),
-            status: status.clone(),
-            pictures: agent.pictures(),
-            reactions: agent.reactions(),
-            end: None,
-            emergency_stop: emergency_stop.clone(),
-            streams: self.robot.config.streams,
-            target: self.robot.address.to_string(),
-            simulated: sim.is_some(),
-            sim: self
-                .page
-                .as_ref()
-                .and(sim.clone())
-                .map(SimulatedRobot::from),
-            began: Instant::now(),
-            // A single run has no timetable.
-            view: self
-                .service
-                .map_or_else(|| View::channel().1, |service| service.view),
-        };
+        let shared = self.control_run(&agent, &status, emergency_stop);
         // Only the command line ends a run: a person at the page could not release its STOP.
         let run = control::Run {
             end: if is_service { None } else { Some(stop.clone()) },

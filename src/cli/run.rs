@@ -8,7 +8,7 @@ use tokio::sync::watch;
 
 use super::assembly::{RunSetup, clock, exit_of, zone};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
-use super::connection::{RobotTarget, no_robot};
+use super::connection::{ChosenRobot, RobotTarget, no_robot};
 use super::fast::FastSetup;
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
@@ -126,22 +126,7 @@ pub(super) fn run(
         check::before_run(&loaded.behaviours, console)?;
     }
     let robot = robot.ok_or_else(no_robot)?;
-    for (is_given, why) in [
-        (
-            args.firmware.firmware.is_some(),
-            "--firmware needs --sim: it describes a simulated robot",
-        ),
-        (
-            args.date.is_some(),
-            "--date needs --sim: a real robot uses today's date",
-        ),
-        (
-            args.trace.is_some(),
-            "--trace needs --sim: it draws a simulation",
-        ),
-    ] {
-        robot.refuse_if_real(is_given, why)?;
-    }
+    refuse_flags_of_simulations(&args, &robot)?;
     let login = args.connection.login.login(settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
@@ -171,6 +156,15 @@ pub(super) fn run(
     }
     let robot = robot.start(config, sim_options)?;
     in_real_time(&args, settings.load()?, robot, loaded, seed, trace, console)
+}
+
+fn refuse_flags_of_simulations(args: &RunArgs, robot: &ChosenRobot) -> Result<(), Failure> {
+    let why = "--firmware needs --sim: it describes a simulated robot";
+    robot.refuse_if_real(args.firmware.firmware.is_some(), why)?;
+    let why = "--date needs --sim: a real robot uses today's date";
+    robot.refuse_if_real(args.date.is_some(), why)?;
+    let why = "--trace needs --sim: it draws a simulation";
+    robot.refuse_if_real(args.trace.is_some(), why)
 }
 
 /// Runs on a robot, or on a simulated one inside this program.

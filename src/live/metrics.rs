@@ -1,7 +1,5 @@
 //! Metrics for Prometheus, in its text format.
 
-use std::time::Duration;
-
 use prometheus_client::encoding::{EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::{ConstCounter, Counter};
@@ -10,8 +8,7 @@ use prometheus_client::metrics::gauge::ConstGauge;
 use prometheus_client::registry::{Registry, Unit};
 
 use crate::control::Run;
-use crate::link::Delays;
-use crate::pilot::{LinkState, Reactions};
+use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::AgentEvent;
 
 /// The one label of a family: its name and its value.
@@ -62,7 +59,6 @@ impl Metrics {
 
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
-        let battery = status.battery;
         let mut registry = Registry::with_prefix("spykee");
         registry.register_with_unit(
             "camera",
@@ -76,59 +72,9 @@ impl Metrics {
             Unit::Seconds,
             FrameToMove(run.reactions.clone()),
         );
-        let percent = battery.and_then(|battery| battery.percent);
-        registry.register(
-            "battery_percent",
-            "Level of the battery; NaN: unknown",
-            ConstGauge::new(percent.map_or(f64::NAN, |percent| f64::from(percent.get()))),
-        );
-        let mut seconds = |name, help, seconds: Option<f64>| {
-            let gauge = ConstGauge::new(seconds.unwrap_or(f64::NAN));
-            registry.register_with_unit(name, help, Unit::Seconds, gauge);
-        };
-        let minutes = battery.and_then(|battery| battery.minutes_left);
-        seconds(
-            "battery_left",
-            "Estimated time until the battery is empty; NaN: unknown",
-            minutes.map(|minutes| 60.0 * f64::from(minutes)),
-        );
-        let delay = |of: fn(Delays) -> Duration| {
-            let delay = status.delays.map(of);
-            delay.map(|delay| delay.as_secs_f64())
-        };
-        seconds(
-            "robot_delay",
-            "From the arrival of a command at the robot to its execution; NaN: unknown",
-            delay(|delays| delays.robot),
-        );
-        seconds(
-            "network_delay",
-            "Through the network to the robot and back; NaN: unknown",
-            delay(|delays| delays.network),
-        );
-        let charging = battery.is_some_and(|battery| battery.charging);
-        let low = "1 while the battery is low and the watchdog controls the robot";
-        let up = status.link == LinkState::Up;
-        for (name, help, value) in [
-            (
-                "battery_charging",
-                "1 while the battery is charging",
-                charging.into(),
-            ),
-            ("battery_low", low, status.low.into()),
-            ("docked", "1 on the station", status.docked.into()),
-            (
-                "stopped_by_person",
-                "1 while STOP holds",
-                status.emergency_stop.into(),
-            ),
-            ("link_up", "1 while the robot is connected", up.into()),
-            ("viewers", "Open pages", viewers as i64),
-        ] {
-            registry.register(name, help, ConstGauge::new(value));
-        }
-        let frames = ConstCounter::new(status.frames);
-        registry.register("camera_frames", "Frames received", frames);
+        let viewers = ConstGauge::new(viewers as i64);
+        registry.register("viewers", "Open pages", viewers);
+        add_status(&mut registry, &status);
         for (name, help, counter) in [
             ("link_logins", "Logins at the robot", &self.links),
             ("link_losses", "Lost links", &self.losses),
@@ -159,5 +105,62 @@ impl Metrics {
         // Writing to a string cannot fail.
         let _ = text::encode(&mut page, &registry);
         page
+    }
+}
+
+/// Adds what is known of the robot now.
+fn add_status(registry: &mut Registry, status: &Status) {
+    let battery = status.battery;
+    let charging = battery.is_some_and(|battery| battery.charging);
+    let low = "1 while the battery is low and the watchdog controls the robot";
+    for (name, help, is_on) in [
+        (
+            "battery_charging",
+            "1 while the battery is charging",
+            charging,
+        ),
+        ("battery_low", low, status.low),
+        ("docked", "1 on the station", status.docked),
+        (
+            "stopped_by_person",
+            "1 while STOP holds",
+            status.emergency_stop,
+        ),
+        (
+            "link_up",
+            "1 while the robot is connected",
+            status.link == LinkState::Up,
+        ),
+    ] {
+        registry.register(name, help, ConstGauge::new(i64::from(is_on)));
+    }
+    let frames = ConstCounter::new(status.frames);
+    registry.register("camera_frames", "Frames received", frames);
+    let percent = battery.and_then(|battery| battery.percent);
+    let percent = percent.map_or(f64::NAN, |percent| f64::from(percent.get()));
+    let help = "Level of the battery; NaN: unknown";
+    registry.register("battery_percent", help, ConstGauge::new(percent));
+    let minutes = battery.and_then(|battery| battery.minutes_left);
+    let robot = status.delays.map(|delays| delays.robot.as_secs_f64());
+    let network = status.delays.map(|delays| delays.network.as_secs_f64());
+    for (name, help, seconds) in [
+        (
+            "battery_left",
+            "Estimated time until the battery is empty; NaN: unknown",
+            minutes.map(|minutes| 60.0 * f64::from(minutes)),
+        ),
+        (
+            "robot_delay",
+            "From the arrival of a command at the robot to its execution; NaN: unknown",
+            robot,
+        ),
+        (
+            "network_delay",
+            "Through the network to the robot and back; NaN: unknown",
+            network,
+        ),
+    ] {
+        let gauge = ConstGauge::new(seconds.unwrap_or(f64::NAN));
+        registry.register_with_unit(name, help, Unit::Seconds, gauge);
     }
 }

@@ -86,14 +86,10 @@ impl JobPool {
                             }
                             Some(Ok(done)) if !stop.is_cancelled() => {
                                 count += 1;
-                                failed += u32::from(done.result.failure.is_some());
+                                failed += usize::from(done.result.failure.is_some());
+                                let progress = progress(count, jobs.len(), failed);
                                 let file = done.job.file.file().display();
-                                let failures = match failed {
-                                    0 => String::new(),
-                                    failed => format!(", {failed} failed"),
-                                };
-                                let all = jobs.len();
-                                console.status(format!("{count} of {all} runs{failures} · {file}"));
+                                console.status(format!("{progress} · {file}"));
                                 take(done);
                             }
                             Some(Ok(_)) => {}
@@ -138,6 +134,13 @@ impl JobPool {
 pub(in crate::cli) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
     ScenarioProcess::new(timeout)
         .map_err(|error| Failure::io("find this program's own file", error))
+}
+
+fn progress(count: usize, all: usize, failed: usize) -> String {
+    match failed {
+        0 => format!("{count} of {all} runs"),
+        failed => format!("{count} of {all} runs, {failed} failed"),
+    }
 }
 
 fn no_simulation(error: std::io::Error) -> Failure {
