@@ -44,9 +44,14 @@ pub(super) fn start_on_this_thread(console: &Console, format: LogFormat) -> Defa
 }
 
 fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch {
+    let since = if console.has_status_line() {
+        Some(Instant::now())
+    } else {
+        None
+    };
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_timer(Clock::new(console.has_status_line()))
+        .with_timer(Clock { since })
         .with_writer(console.clone())
         .with_ansi(console.colour());
     match format {
@@ -69,13 +74,6 @@ fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch
 /// since the start; UTC elsewhere.
 struct Clock {
     since: Option<Instant>,
-}
-
-impl Clock {
-    fn new(terminal: bool) -> Clock {
-        let since = if terminal { Some(Instant::now()) } else { None };
-        Clock { since }
-    }
 }
 
 impl FormatTime for Clock {

@@ -107,18 +107,15 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded
         name: learner.name,
         ..Graded::default()
     };
-    let file = match learner.script {
-        Ok(file) => file,
-        Err(why) => {
-            graded.missing.push(why);
-            return Ok(graded);
-        }
-    };
-    graded.file = Some(file.clone());
-    let source = match read(&file) {
-        Ok(source) => source,
-        Err(why) => {
-            graded.missing.push(why.what);
+    let read = learner.script.and_then(|file| {
+        let source = read(&file).map_err(|why| why.what);
+        graded.file = Some(file);
+        source
+    });
+    let (source, file) = match (read, &graded.file) {
+        (Ok(source), Some(file)) => (source, file.clone()),
+        (read, _) => {
+            graded.missing.extend(read.err());
             return Ok(graded);
         }
     };
