@@ -109,10 +109,9 @@ impl LoginArgs {
         if let Some(password) = secret::from_credential()? {
             return Ok(password);
         }
-        let Some(path) = &settings.config.password_file else {
-            return Ok(DEFAULT_LOGIN.to_owned());
-        };
-        secret::from_configured_file(path, settings.found_file())
+        let file = settings.config.password_file.as_deref();
+        let password = secret::from_optional_file(file, settings.found_file())?;
+        Ok(password.unwrap_or_else(|| DEFAULT_LOGIN.to_owned()))
     }
 }
 

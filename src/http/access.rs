@@ -16,7 +16,7 @@ use tokio::time::Instant;
 
 use super::Options;
 use super::keyring::{AccessError, Key, Keyring, Role};
-use super::origin_check::{Names, OriginHeaders, Reason};
+use super::origin_check::Names;
 use crate::clock::every;
 use crate::rate_limit::Repeats;
 
@@ -28,7 +28,7 @@ const WRONG_TOKENS: Duration = Duration::from_secs(60);
 /// The host names under which we are reached, and the tokens.
 #[derive(Debug)]
 pub struct Access {
-    names: Names,
+    pub(super) names: Names,
     data: PathBuf,
     keyring: watch::Sender<Keyring>,
     /// The wrong tokens, which are logged once in a while.
@@ -54,10 +54,6 @@ impl Access {
     /// Whether no login is needed: on loopback, if no token was ever made.
     pub fn is_open(&self) -> bool {
         self.keyring.borrow().is_unused()
-    }
-
-    pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
-        self.names.validate(request)
     }
 
     pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {

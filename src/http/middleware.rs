@@ -118,6 +118,7 @@ fn admit(
         changes_state: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
     access
+        .names
         .validate(origin_headers)
         .map_err(|reason| match reason {
             Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),

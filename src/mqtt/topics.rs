@@ -65,12 +65,6 @@ pub enum Presence {
 }
 
 impl Presence {
-    const ALL: [Presence; 3] = [
-        Presence::Online,
-        Presence::Offline,
-        Presence::ConnectionBroken,
-    ];
-
     pub fn word(self) -> &'static str {
         match self {
             Presence::Online => "ONLINE",
@@ -81,8 +75,8 @@ impl Presence {
 
     /// Parses a payload; `None` if it is not one of the words.
     pub(super) fn parse(payload: &[u8]) -> Option<Presence> {
-        let mut all = Presence::ALL.into_iter();
-        all.find(|presence| presence.word().as_bytes() == payload)
+        let word = std::str::from_utf8(payload).ok()?;
+        serde_json::from_value(word.into()).ok()
     }
 }
 
