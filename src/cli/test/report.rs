@@ -16,7 +16,7 @@ use crate::cli::{self, plural};
 use crate::clock::hours;
 use crate::files::Folder;
 use crate::sanitize;
-use crate::scenario::{Failure, ScenarioResult, Snapshot};
+use crate::scenario::{Failure, Snapshot};
 
 /// The results of all runs.
 pub(super) struct Report<'a> {
