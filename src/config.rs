@@ -25,7 +25,7 @@ use crate::{files, http, journal, notify, safety, yaml};
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
 pub use self::mqtt::Mqtt;
-pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
+pub use self::remote::{Remote, ServiceUrl};
 
 const DATA_FOLDER: &str = "spykee-data";
 
@@ -77,8 +77,6 @@ pub struct Config {
     pub data: Option<PathBuf>,
     /// The page in the browser and the JSON API.
     pub live: http::Options,
-    /// The log on stderr.
-    pub logging: Logging,
     /// The record of what happens.
     pub journal: journal::Options,
     /// Notifications to people, by webhooks, topics and commands.
@@ -109,7 +107,6 @@ impl Default for Config {
             camera: Camera::default(),
             colours: BTreeMap::new(),
             data: None,
-            logging: Logging::default(),
             journal: journal::Options::default(),
             notify: notify::Options::default(),
             live: http::Options::default(),
@@ -414,44 +411,6 @@ pub enum Idle {
     Release,
 }
 
-/// Options of the log on stderr.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Logging {
-    /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
-    pub level: Level,
-    /// The format, for people or for programs; `--log-format` overrides it.
-    pub format: LogFormat,
-}
-
-/// The lowest level that is logged.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Level {
-    /// Only errors.
-    Error,
-    /// Errors and warnings.
-    Warn,
-    /// Also information.
-    #[default]
-    Info,
-    /// Also details.
-    Debug,
-}
-
-/// The format of log lines.
-#[derive(
-    Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema, clap::ValueEnum,
-)]
-#[serde(rename_all = "lowercase")]
-pub enum LogFormat {
-    /// Text for people.
-    #[default]
-    Text,
-    /// One JSON object per line.
-    Json,
-}
-
 /// The schema of a whole config file (JSON Schema 2020-12).
 pub fn schema() -> Value {
     schemars::schema_for!(Config).to_value()
@@ -624,7 +583,6 @@ mod tests {
         assert_eq!(config.streams, usual.streams);
         assert_eq!(config.limits, usual.limits);
         assert_eq!(config.calibration, usual.calibration);
-        assert_eq!(config.logging, usual.logging);
         assert_eq!(config.journal, usual.journal);
         assert_eq!(config.camera, usual.camera);
         assert_eq!((config.behaviours.len(), config.colours.len()), (2, 2));

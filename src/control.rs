@@ -22,5 +22,5 @@ pub use request::{Change, MAX_SPEECH, RunRequest};
 pub use response::RunResponse;
 pub use routes::{described, paths, routes};
 pub use run::Run;
-pub use run_status::{BehaviourListing, RunStatus};
+pub use run_status::{BehaviourListing, RunStatus, describe};
 pub use world_change::SimulatedRobot;

@@ -36,10 +36,9 @@ use tokio_io_timeout::TimeoutStream;
 use tracing::debug;
 
 use connections::{Connections, Place};
-use middleware::LocalUser;
 
-pub use access::{Access, AccessError, Refusal, Visitor};
-pub use keyring::{Key, Keyring, KeyringError, Role};
+pub use access::{Access, Refusal, Visitor};
+pub use keyring::{AccessError, Key, Keyring, Role};
 pub use middleware::{Me, guard_request, routes};
 
 /// Default address of the page.
@@ -59,7 +58,6 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns the address to listen on.
     pub fn address(&self) -> SocketAddr {
         self.listen.unwrap_or(LISTEN)
     }
@@ -97,7 +95,7 @@ pub async fn serve_private(listener: UnixListener, router: Router) {
         let connected = accepted.and_then(|(stream, _)| Ok((stream.peer_cred()?.uid(), stream)));
         match connected {
             Ok((user, stream)) => {
-                server.serve(stream, Ipv4Addr::LOCALHOST.into(), LocalUser(user));
+                server.serve(stream, Ipv4Addr::LOCALHOST.into(), Visitor::local(user));
             }
             Err(error) => pause_after(&error).await,
         }

@@ -22,7 +22,8 @@ mod server;
 mod viewer;
 mod world;
 
-pub use log::{LogTap, tap};
+pub use broadcast::FrameRate;
+pub use log::{EventField, EventFields, LogTap, tap};
 pub use messages::{schema, understood};
 pub use scripts::{RunDefinition, Script};
 pub use server::{Live, LiveError, WebContext};

@@ -31,9 +31,6 @@ impl FormerLink {
 
     /// A socket like that of [`open`], with the port of this link: connecting it to the robot resets
     /// the link there, or succeeds if the robot has forgotten it.
-    ///
-    /// # Errors
-    /// The port is in use here, or there is no socket.
     pub fn open(self, dead_after: Duration) -> io::Result<Socket> {
         let socket = open(self.peer, dead_after)?;
         socket.set_reuse_address(true)?;
@@ -43,9 +40,6 @@ impl FormerLink {
 }
 
 /// A socket with its options, to be connected to this address; it does not block.
-///
-/// # Errors
-/// Those of the system.
 pub fn open(peer: SocketAddr, dead_after: Duration) -> io::Result<Socket> {
     let domain = Domain::for_address(peer);
     let socket = Socket::new(domain, Type::STREAM, Some(Protocol::TCP))?;
@@ -56,9 +50,6 @@ pub fn open(peer: SocketAddr, dead_after: Duration) -> io::Result<Socket> {
 
 /// Sends small commands without delay; ends the connection after `dead_after` if data stays
 /// unacknowledged or a silent robot does not answer the kernel's probes.
-///
-/// # Errors
-/// Those of the system.
 pub fn set_options(socket: &impl AsFd, dead_after: Duration) -> io::Result<()> {
     let probe_interval = (dead_after / PROBES).max(MIN_PROBE_INTERVAL);
     let keepalive = TcpKeepalive::new()

@@ -1,7 +1,6 @@
 //! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core,
 //! agent, page, broker, journal, notifications and the socket for other commands.
 
-use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,32 +10,29 @@ use tokio_util::sync::CancellationToken;
 
 use super::connection::RobotTarget;
 use super::interrupt::handle_signals;
-use super::live::PageInputs;
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
     refuse_if_stopped, rescue, runtime, serve, warn_of_unpaid_stop,
 };
 use super::status::{StatusLine, show};
 use super::world::{EmbeddedSim, TraceFile};
-use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, notify};
+use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, live, notify};
 use crate::agent::{Agent, AgentError, Behaviour, BehaviourSpec, Bus, Outcome, Plan};
 use crate::behaviour::is_failure;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Effective};
 use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
 use crate::live::RunDefinition;
-use crate::mqtt::Account;
+use crate::mqtt;
 use crate::pilot::{DrivingCore, Status};
 use crate::robot::EndReason;
 use crate::timetable::View;
 
-/// What distinguishes one run from another.
 pub(super) struct RunSetup<'a> {
     pub(super) settings: &'a Effective,
     /// The robot, with the config in effect: flags may change that of the settings.
     pub(super) robot: RobotTarget,
     pub(super) seed: u64,
-    /// Retry until the robot answers.
     pub(super) waits: bool,
     pub(super) keeps_journal: bool,
     pub(super) clock: Clock,
@@ -60,21 +56,12 @@ pub(super) struct ServiceSetup {
     pub(super) view: watch::Receiver<View>,
 }
 
-/// A run whose agent can be run.
 pub(super) struct StartedRun {
     pub(super) agent: Agent,
     pub(super) status: watch::Receiver<Status>,
     pub(super) bus: Bus,
     /// Cancelled by signals; ends the run.
     pub(super) stop: CancellationToken,
-}
-
-/// The parts around the agent.
-struct Parts {
-    plan: Plan,
-    server: io::Result<ControlServer>,
-    emergency_stop: EmergencyStop,
-    account: Option<Account>,
 }
 
 impl RunSetup<'_> {
@@ -95,14 +82,8 @@ impl RunSetup<'_> {
         warn_of_unpaid_stop(config);
         let bus = Bus::default();
         let emergency_stop = emergency_stop(config, simulated, &bus);
-        let server = ControlServer::open(config.data_folder());
         let core = driving_core()?;
-        let parts = Parts {
-            plan: self.plan(&core, &bus)?,
-            server,
-            emergency_stop: emergency_stop.clone(),
-            account: fleet::account_of_run(settings)?,
-        };
+        let plan = self.plan(&core, &bus)?;
         let journal = if self.keeps_journal {
             let target = self.robot.address.to_string();
             journal(&self.robot.config, &bus, &target, simulated, self.clock)
@@ -112,7 +93,7 @@ impl RunSetup<'_> {
         let notifier = notify::start(settings, &bus)?;
         let trace = self.trace.take();
         let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let outcome = runtime.block_on(self.run_agent(parts, console, drive));
+        let outcome = runtime.block_on(self.run_agent(plan, &emergency_stop, console, drive));
         drop(core);
         runtime.shutdown_timeout(RUNTIME_LIMIT);
         emergency_stop.finish(JOURNAL_END);
@@ -150,50 +131,69 @@ impl RunSetup<'_> {
         })
     }
 
-    /// Runs the agent, and serves page, broker and other commands meanwhile.
-    async fn run_agent(
-        self,
-        parts: Parts,
-        console: &Console,
-        drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
-    ) -> Result<Exit, Failure> {
-        let core = parts.plan.core.clone();
-        let bus = parts.plan.bus.clone();
+    /// The handles through which persons control the run.
+    fn control_run(
+        &self,
+        agent: &Agent,
+        status: &watch::Receiver<Status>,
+        emergency_stop: &EmergencyStop,
+    ) -> control::Run {
         let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let page = self.page;
-        let page = page.map(|page| PageInputs::new(&self.robot.config, page, &bus));
-        let stop = CancellationToken::new();
-        let (agent, status) = Agent::new(parts.plan);
-        parts.emergency_stop.restore(&agent.requests());
-        let is_service = self.service.is_some();
-        let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
-        handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
-        let shared = control::Run {
+        let service = self.service.as_ref();
+        control::Run {
             requests: agent.requests(),
             roster: agent.roster(),
             status: status.clone(),
             pictures: agent.pictures(),
             reactions: agent.reactions(),
             end: None,
-            emergency_stop: parts.emergency_stop,
+            emergency_stop: emergency_stop.clone(),
             streams: self.robot.config.streams,
             target: self.robot.address.to_string(),
             simulated: sim.is_some(),
-            sim: page.as_ref().and(sim.clone()).map(SimulatedRobot::from),
+            sim: self.page.as_ref().and(sim).map(SimulatedRobot::from),
             began: Instant::now(),
             // A single run has no timetable.
-            view: self
-                .service
-                .map_or_else(|| View::channel().1, |service| service.view),
-        };
+            view: service.map_or_else(|| View::channel().1, |service| service.view.clone()),
+        }
+    }
+
+    /// Runs the agent, and serves page, broker and other commands meanwhile.
+    async fn run_agent(
+        self,
+        plan: Plan,
+        emergency_stop: &EmergencyStop,
+        console: &Console,
+        drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
+    ) -> Result<Exit, Failure> {
+        let server = ControlServer::open(self.robot.config.data_folder());
+        let account = fleet::account_of_run(self.settings)?;
+        let core = plan.core.clone();
+        let bus = plan.bus.clone();
+        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
+        let listener = bus.subscribe();
+        let stop = CancellationToken::new();
+        let (agent, status) = Agent::new(plan);
+        emergency_stop.restore(&agent.requests());
+        let is_service = self.service.is_some();
+        let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
+        handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
+        let shared = self.control_run(&agent, &status, emergency_stop);
         // Only the command line ends a run: a person at the page could not release its STOP.
         let run = control::Run {
             end: if is_service { None } else { Some(stop.clone()) },
             ..shared.clone()
         };
-        let page = page.map(|page| page.serve(shared.clone(), console));
+        let config = &self.robot.config;
+        let page = self
+            .page
+            .map(|page| live::serve(config, shared.clone(), page, listener, console));
         let _page = page.transpose()?;
-        let mqtt = fleet::start_broker(&bus, &shared, parts.account);
+        let mqtt = account.and_then(|account| {
+            let started = mqtt::start(&bus, shared.clone(), account);
+            // Without it, the run continues.
+            started.map_err(|error| tracing::warn!("{error}")).ok()
+        });
         let line = StatusLine::new(self.names, sim);
         let started = StartedRun {
             agent,
@@ -204,7 +204,7 @@ impl RunSetup<'_> {
         let exit = tokio::select! {
             exit = drive(started) => exit,
             never = show(line, status, console, is_service, String::new) => match never {},
-            never = serve(parts.server, run) => match never {},
+            never = serve(server, run) => match never {},
         };
         mqtt.map(|mqtt| mqtt.finish(fleet::BROKER_END));
         exit
@@ -246,15 +246,6 @@ pub(super) fn exit_of(
     } else {
         Exit::Done
     })
-}
-
-/// Refuses `--date` for a real robot.
-pub(super) fn refuse_date_unless(simulated: bool, date: Option<Date>) -> Result<(), Failure> {
-    if simulated || date.is_none() {
-        return Ok(());
-    }
-    let failure = Failure::usage("--date needs --sim: a real robot uses today's date");
-    Err(failure.help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\""))
 }
 
 /// The clock for scripts and for the journal: the computer's, unless `--date` sets that of a

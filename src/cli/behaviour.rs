@@ -17,24 +17,8 @@ const CHANGE_TIMEOUT: Duration = Duration::from_secs(15);
 
 const HEAD: &str = "BEHAVIOUR|STATE|>RUNNING|>PRIORITY|LAST ENDED";
 
-/// Start, stop, restart or list the behaviours of an active run
-///
-/// Asks the `spykee run` or `spykee serve` of this data folder through its private socket, or with
-/// --url a service on another computer. Each start reads the script from its file; a script with a
-/// mistake is refused.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    subcommand_required = true,
-    arg_required_else_help = true,
-    after_help = "Examples:\n  spykee behaviour list\n  spykee behaviour start patrol --for 30m\n  spykee behaviour restart guard"
-)]
-pub(super) struct BehaviourArgs {
-    #[command(subcommand)]
-    command: BehaviourCommand,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum BehaviourCommand {
+pub(super) enum BehaviourCommand {
     /// List the behaviours of the run with their states
     List(ListArgs),
     /// Start a behaviour that is not running
@@ -46,7 +30,7 @@ enum BehaviourCommand {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct ListArgs {
+pub(super) struct ListArgs {
     /// Print a JSON array
     #[arg(long)]
     json: bool,
@@ -59,7 +43,7 @@ struct ListArgs {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct NameArgs {
+pub(super) struct NameArgs {
     /// The behaviour's name, as in `spykee behaviour list`
     name: String,
     #[command(flatten)]
@@ -67,7 +51,7 @@ struct NameArgs {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct StartArgs {
+pub(super) struct StartArgs {
     /// End the behaviour after this time, in seconds or such as 30m or 1h30m, if it has not ended
     /// before
     #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
@@ -76,7 +60,6 @@ struct StartArgs {
     name: NameArgs,
 }
 
-/// Parses a duration above zero.
 fn parse_duration(text: &str) -> Result<Span, String> {
     match text.parse::<Span>() {
         Ok(span) if span.get().is_zero() => Err("expected a duration above zero".to_owned()),
@@ -84,7 +67,6 @@ fn parse_duration(text: &str) -> Result<Span, String> {
     }
 }
 
-/// Selects the run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
     /// Address of the robot whose run to use [default: the only active run]
@@ -95,14 +77,30 @@ struct WhichArgs {
 }
 
 /// Sends the request to the run and prints the reply.
-pub(super) fn run(args: &BehaviourArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let (args, wanted, lasts) = match &args.command {
+pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Result<Exit, Failure> {
+    let (args, change, lasts) = match command {
         BehaviourCommand::List(args) => return list(args, settings),
         BehaviourCommand::Start(args) => (&args.name, Change::Start, args.lasts),
         BehaviourCommand::Stop(args) => (args, Change::Stop, None),
         BehaviourCommand::Restart(args) => (args, Change::Restart, None),
     };
-    change(args, wanted, lasts, settings)
+    let request = RunRequest::Behaviour {
+        name: args.name.clone(),
+        change,
+        lasts,
+    };
+    let exit = order(&args.which.client(settings)?, &request, CHANGE_TIMEOUT)?;
+    let done = match (change, lasts) {
+        (Change::Start, None) => "runs".to_owned(),
+        (Change::Start, Some(lasts)) => {
+            let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
+            format!("runs, for {} at most", clock::hours(whole))
+        }
+        (Change::Stop, _) => "has ended".to_owned(),
+        (Change::Restart, _) => "restarted".to_owned(),
+    };
+    print(&format!("{} {done}\n", args.name))?;
+    Ok(exit)
 }
 
 fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -122,31 +120,6 @@ fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
         print(&aligned(HEAD, behaviours.iter().map(row)))?;
     }
     Ok(Exit::Done)
-}
-
-fn change(
-    args: &NameArgs,
-    change: Change,
-    lasts: Option<Span>,
-    settings: &CommandSettings,
-) -> Result<Exit, Failure> {
-    let request = RunRequest::Behaviour {
-        name: args.name.clone(),
-        change,
-        lasts,
-    };
-    let exit = order(&args.which.client(settings)?, &request, CHANGE_TIMEOUT)?;
-    let done = match (change, lasts) {
-        (Change::Start, None) => "runs".to_owned(),
-        (Change::Start, Some(lasts)) => {
-            let whole = Duration::from_secs(lasts.get().as_secs_f64().ceil() as u64);
-            format!("runs, for {} at most", clock::hours(whole))
-        }
-        (Change::Stop, _) => "has ended".to_owned(),
-        (Change::Restart, _) => "restarted".to_owned(),
-    };
-    print(&format!("{} {done}\n", args.name))?;
-    Ok(exit)
 }
 
 impl WhichArgs {

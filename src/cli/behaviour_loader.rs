@@ -14,7 +14,7 @@ use crate::agent::{Behaviour, BehaviourSpec, RosterError};
 use crate::behaviour::{self, Launch, Library, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
-use crate::script::{self, GivenParam, Options, ParamOrigin, ParamValue, suggestion};
+use crate::script::{self, GivenParam, ParamOrigin, ParamValue, suggestion};
 
 /// A watched behaviour file and the channel for its reloads.
 pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Vec<u8>>);
@@ -61,8 +61,16 @@ impl BehaviourLoader<'_> {
             }
             behaviours.push(behaviour);
         }
-        let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
-        apply(self.params, options.collect())?;
+        // Overrides values from the config. Of two values for one name the last is used.
+        for param in self.params {
+            let of = owner(param, &behaviours)?;
+            let given = GivenParam {
+                value: ParamValue::Text(param.value.clone()),
+                origin: ParamOrigin::CommandLine,
+            };
+            let params = &mut behaviours[of].launch.options.params;
+            params.insert(param.name.clone(), given);
+        }
         let specs = behaviours.iter().zip(entries);
         let specs = specs
             .map(|(behaviour, entry)| spec(behaviour, entry.file.clone(), self.checked))
@@ -219,23 +227,13 @@ impl Param {
     }
 }
 
-/// Gives each value to its behaviour; overrides values from the config. Of two values for one name
-/// the last is used.
-fn apply(params: &[Param], mut behaviours: Vec<&mut Options>) -> Result<(), Failure> {
-    for param in params {
-        let of = owner(param, &behaviours)?;
-        let given = GivenParam {
-            value: ParamValue::Text(param.value.clone()),
-            origin: ParamOrigin::CommandLine,
-        };
-        behaviours[of].params.insert(param.name.clone(), given);
-    }
-    Ok(())
-}
-
 /// The index of the behaviour that a value is for.
-fn owner(param: &Param, behaviours: &[&mut Options]) -> Result<usize, Failure> {
-    let names = || behaviours.iter().map(|options| options.name.as_str());
+fn owner(param: &Param, behaviours: &[Behaviour]) -> Result<usize, Failure> {
+    let names = || {
+        behaviours
+            .iter()
+            .map(|one| one.launch.options.name.as_str())
+    };
     let known = || names().collect::<Vec<_>>().join(", ");
     let Param {
         behaviour,

@@ -9,7 +9,7 @@ use super::settings::CommandSettings;
 use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::{Inspected, Inspector, Launch, Library};
-use crate::check::{Diagnostic, Required, Severity};
+use crate::check::{Diagnostic, Severity};
 use crate::config::{Config, Entry};
 use crate::sanitize;
 use crate::script::{ModuleFile, Options};
@@ -26,7 +26,6 @@ pub(super) struct CheckArgs {
     json: bool,
 }
 
-/// Maximum depth of nested folders.
 const MAX_DEPTH: u32 = 16;
 
 pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -63,16 +62,20 @@ fn of_file(
     path: Option<&Path>,
 ) -> Result<(Vec<u8>, Options), Failure> {
     let source = read_source(file)?;
-    let is_this = |entry: &&Entry| match (entry.file.canonicalize(), file.canonicalize()) {
-        (Ok(one), Ok(other)) => one == other,
-        _ => false,
-    };
+    let is_this = |entry: &&Entry| same_file(&entry.file, file);
     let entry = config.behaviours.iter().find(is_this);
     let options = Options {
         params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
         ..config.script("check", file.display().to_string(), 0)
     };
     Ok((source, options))
+}
+
+pub(super) fn same_file(one: &Path, other: &Path) -> bool {
+    match (one.canonicalize(), other.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    }
 }
 
 /// The diagnostics for a script that would run with these options.
@@ -218,13 +221,6 @@ struct ScriptChecker {
     diagnostics: Vec<Diagnostic>,
 }
 
-struct File {
-    source: Vec<u8>,
-    options: Options,
-    /// Its folder, relative to the behaviour's folder.
-    folder: String,
-}
-
 impl ScriptChecker {
     fn new() -> Result<ScriptChecker, Failure> {
         let inspector = Inspector::of_this_executable()
@@ -241,74 +237,54 @@ impl ScriptChecker {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let folder = folder.to_owned();
         let library = Library::new(folder.clone());
-        let mut files = VecDeque::from([File {
-            source: source.to_vec(),
-            options: options.clone(),
-            folder: String::new(),
-        }]);
-        while let Some(file) = files.pop_front() {
-            if !self.is_new(Path::new(&file.options.chunk)) {
+        // Each with its folder, relative to the behaviour's.
+        let mut files = VecDeque::from([(source.to_vec(), options.clone(), String::new())]);
+        while let Some((source, options, inner)) = files.pop_front() {
+            let chunk = options.chunk.as_str();
+            let file = Path::new(chunk);
+            let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
+            if !self.seen.insert(file) {
                 continue;
             }
-            let (found, required) = self.file(&file)?;
+            let inspected = self.inspector.inspect(&source, &options, &inner);
+            let Inspected {
+                diagnostics: mut found,
+                required,
+            } = inspected.map_err(|why| {
+                Failure::new(
+                    Exit::Check,
+                    format_args!("{chunk}: cannot be checked: {why}"),
+                )
+            })?;
+            found.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
             for module in required {
                 match library.fetch(&module.name) {
-                    Ok(module) => files.push_back(of_module(module, &folder, options)),
-                    Err(why) => self.missing(&file, &module, &why.to_string(), &found),
+                    Ok(file) => files.push_back(of_module(file, &folder, &options)),
+                    Err(why) => {
+                        // It exists, but is refused, such as one behind a symbolic link. Those that do
+                        // not exist are already among what was found.
+                        let refused = module.refused(&source, chunk, &why.to_string());
+                        let is_new = |one: &Diagnostic| {
+                            let mut found = found.iter();
+                            !found.any(|it| (it.line, it.column) == (one.line, one.column))
+                        };
+                        self.diagnostics.extend(refused.filter(is_new));
+                    }
                 }
             }
             self.diagnostics.extend(found);
         }
         Ok(())
     }
-
-    fn is_new(&mut self, file: &Path) -> bool {
-        let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
-        self.seen.insert(file)
-    }
-
-    fn file(&mut self, file: &File) -> Result<(Vec<Diagnostic>, Vec<Required>), Failure> {
-        let source = file.source.as_slice();
-        let chunk = file.options.chunk.as_str();
-        let inspected = self.inspector.inspect(source, &file.options, &file.folder);
-        let Inspected {
-            diagnostics: mut found,
-            required,
-        } = inspected.map_err(|why| {
-            Failure::new(
-                Exit::Check,
-                format_args!("{chunk}: cannot be checked: {why}"),
-            )
-        })?;
-        found.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
-        Ok((found, required))
-    }
-
-    /// Reports a module that exists but is refused, such as one behind a symbolic link. The check
-    /// has already reported modules that do not exist.
-    fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Diagnostic]) {
-        let chunk = file.options.chunk.as_str();
-        let refused = module.refused(&file.source, chunk, why);
-        let known = |one: &Diagnostic| {
-            let mut found = found.iter();
-            found.any(|other| (other.line, other.column) == (one.line, one.column))
-        };
-        self.diagnostics.extend(refused.filter(|one| !known(one)));
-    }
 }
 
 /// The file of a module: it has the behaviour's options, but no parameters.
-fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> File {
+fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> (Vec<u8>, Options, String) {
     let inner = Path::new(&module.file).parent().unwrap_or(Path::new(""));
-    let inner = inner.display().to_string();
-    let chunk = folder.join(&module.file).display().to_string();
-    File {
-        source: module.source,
-        options: Options {
-            chunk,
-            params: Default::default(),
-            ..options.clone()
-        },
-        folder: inner,
-    }
+    let options = Options {
+        chunk: folder.join(&module.file).display().to_string(),
+        params: Default::default(),
+        ..options.clone()
+    };
+    (module.source, options, inner.display().to_string())
 }

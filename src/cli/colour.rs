@@ -16,31 +16,24 @@ use crate::vision::{Colour, FrameError, MAX_COLOURS, MAX_JPEG_LEN, Roi, Size};
 /// Messages cut longer names to this many characters.
 const MAX_SHOWN: usize = 40;
 
-/// Find colours in pictures, as scripts do, or learn a new one
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ColourArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Debug, Clone, clap::Subcommand)]
-enum Action {
+pub(super) enum Action {
     Find(find::FindArgs),
     Learn(learn::LearnArgs),
 }
 
-impl ColourArgs {
+impl Action {
     pub(super) fn uses_settings(&self) -> bool {
-        matches!(self.action, Action::Find(_))
+        matches!(self, Action::Find(_))
     }
 }
 
 pub(super) fn run(
-    args: &ColourArgs,
+    action: &Action,
     settings: &CommandSettings,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    match &args.action {
+    match action {
         Action::Find(args) => find::run(args, settings, console),
         Action::Learn(args) => learn::run(args, console),
     }
@@ -103,7 +96,6 @@ pub(super) fn unusable_picture(path: &Path, error: &FrameError) -> Failure {
     }
 }
 
-/// The part of a picture to search.
 fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
     roi.within(size).ok_or_else(|| {
         let Roi { x, y, w, h } = roi;

@@ -15,18 +15,18 @@ use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
-/// Show the settings and where they come from, check a config file, list its coming starts, test
-/// its notification targets
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ConfigArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// Print the settings in effect: $SPYKEE_ROBOT overrides the file, which overrides the defaults
-    Show(ShowArgs),
+    Show {
+        /// Show where each value comes from
+        #[arg(long)]
+        origin: bool,
+
+        /// Print a JSON array, with origins
+        #[arg(long)]
+        json: bool,
+    },
     /// Check a config file
     Check {
         /// Config file [default: the one of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
@@ -39,27 +39,16 @@ enum Action {
     Schema,
 }
 
-#[derive(Debug, Clone, clap::Args)]
-struct ShowArgs {
-    /// Show where each value comes from
-    #[arg(long)]
-    origin: bool,
-
-    /// Print a JSON array, with origins
-    #[arg(long)]
-    json: bool,
-}
-
-impl ConfigArgs {
+impl Action {
     pub(super) fn uses_settings(&self) -> bool {
-        !matches!(self.action, Action::Schema)
+        !matches!(self, Action::Schema)
     }
 }
 
 /// Shows or checks the settings. Only the test of notification targets reads secrets.
-pub(super) fn run(args: &ConfigArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    match &args.action {
-        Action::Show(args) => show(args, settings),
+pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
+    match action {
+        Action::Show { origin, json } => show(*origin, *json, settings),
         Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path())),
         Action::Schedule(args) => schedule(args, settings),
         Action::TestNotify(args) => notify::run(args, settings),
@@ -89,28 +78,17 @@ fn check(file: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn show(args: &ShowArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Failure> {
     let settings = settings.load()?.settings();
-    print(&if args.json {
-        format!(
-            "{:#}\n",
-            Json::Array(settings.iter().map(as_json).collect())
-        )
+    print(&if json {
+        format!("{:#}\n", json!(settings))
     } else {
         settings
             .iter()
-            .map(|setting| line(setting, args.origin))
+            .map(|setting| line(setting, origin))
             .collect()
     })?;
     Ok(Exit::Done)
-}
-
-fn as_json(setting: &Setting) -> Json {
-    json!({
-        "key": setting.key,
-        "value": serde_json::to_value(&setting.value).unwrap_or(Json::Null),
-        "origin": setting.origin,
-    })
 }
 
 fn line(setting: &Setting, origin: bool) -> String {
@@ -133,7 +111,7 @@ fn line(setting: &Setting, origin: bool) -> String {
 /// start in the meantime.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee config schedule --next 20 --from \"2026-03-28 12:00\"")]
-struct ScheduleArgs {
+pub(super) struct ScheduleArgs {
     /// Number of starts to show
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = argument::whole::<u16>(1..=1000))]
     next: u16,
@@ -147,7 +125,6 @@ struct ScheduleArgs {
     json: bool,
 }
 
-/// Prints the predicted starts.
 fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
     let table = config.timetable();
@@ -213,7 +190,6 @@ fn object(one: &PredictedStart, zone: &Zone) -> Json {
     })
 }
 
-/// The names of the config's behaviours.
 fn names(config: &Config) -> Vec<String> {
     let entries = config.behaviours.iter();
     entries.filter_map(|entry| entry.name().ok()).collect()

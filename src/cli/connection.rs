@@ -19,7 +19,6 @@ const DEFAULT_LOGIN: &str = "admin";
 /// The protocol's one-byte length prefix.
 const MAX_LOGIN_CHARS: usize = 255;
 
-/// `--robot` or `--sim`, and the login.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Connection")]
 pub struct ConnectionArgs {
@@ -35,7 +34,6 @@ pub struct ConnectionArgs {
     pub login: LoginArgs,
 }
 
-/// User and password.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Connection")]
 pub struct LoginArgs {
@@ -63,9 +61,6 @@ impl ConnectionArgs {
     }
 
     /// Resolves flags and config, and starts the simulator if requested.
-    ///
-    /// # Errors
-    /// A config, login or world that cannot be used; no robot named.
     pub(super) fn resolve(
         &self,
         settings: &CommandSettings,
@@ -114,10 +109,9 @@ impl LoginArgs {
         if let Some(password) = secret::from_credential()? {
             return Ok(password);
         }
-        let Some(path) = &settings.config.password_file else {
-            return Ok(DEFAULT_LOGIN.to_owned());
-        };
-        secret::from_configured_file(path, settings.found_file())
+        let file = settings.config.password_file.as_deref();
+        let password = secret::from_optional_file(file, settings.found_file())?;
+        Ok(password.unwrap_or_else(|| DEFAULT_LOGIN.to_owned()))
     }
 }
 
@@ -127,7 +121,6 @@ pub(super) enum ChosenRobot {
     Sim(Box<World>),
 }
 
-/// No robot was named.
 pub(super) fn no_robot() -> Failure {
     Failure::usage("which robot? neither --robot nor --sim was given").help(
         "--sim uses a simulated robot; --robot HOST[:PORT] uses yours (`spykee discover` finds it)",
@@ -137,6 +130,23 @@ pub(super) fn no_robot() -> Failure {
 impl ChosenRobot {
     pub(super) fn is_simulated(&self) -> bool {
         matches!(self, ChosenRobot::Sim(_))
+    }
+
+    /// Refuses a flag for a real robot; `why` names it.
+    pub(super) fn refuse_if_real(&self, is_given: bool, why: &str) -> Result<(), Failure> {
+        if self.is_simulated() || !is_given {
+            return Ok(());
+        }
+        Err(Failure::usage(why).help("--sim [WORLD] runs on a simulated robot"))
+    }
+
+    /// The world of a simulated robot, for `--fast`.
+    pub(super) fn into_world(self) -> Result<World, Failure> {
+        self.refuse_if_real(true, "--fast needs --sim: a real robot runs in real time")?;
+        match self {
+            ChosenRobot::Sim(world) => Ok(*world),
+            ChosenRobot::Robot(_) => Err(no_robot()),
+        }
     }
 
     /// Starts a simulated robot with these options; a real one has only their login.
@@ -171,7 +181,6 @@ pub(super) struct RobotTarget {
 }
 
 impl RobotTarget {
-    /// Logs in once.
     pub(super) async fn connect(&self) -> Result<Session, LinkError> {
         let stop = vec![Command::STOP];
         link::connect(&self.address, &self.login, stop, &link::Options::default()).await

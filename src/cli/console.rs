@@ -12,9 +12,18 @@ use jiff::Timestamp;
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
 
-use crate::config::LogFormat;
 use crate::rate_limit::{Budget, Repeats};
 use crate::sanitize;
+
+/// The format of log lines.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Text for people
+    #[default]
+    Text,
+    /// One JSON object per line
+    Json,
+}
 
 /// Length of the queue. Records that find it full are dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -50,7 +59,6 @@ pub struct Console {
     format: LogFormat,
 }
 
-/// A message to the writing thread.
 enum ConsoleMessage {
     Record(Vec<u8>),
     /// Why the program ends: written even if the day's byte budget is used up.

@@ -132,7 +132,6 @@ impl Driver {
         self.frames.clone()
     }
 
-    /// Switches the camera on or off.
     pub(super) async fn show(&mut self, on: bool) -> Result<(), Failure> {
         let stream = Stream::Video;
         let asked = self
@@ -142,7 +141,6 @@ impl Driver {
         self.answered(asked).await
     }
 
-    /// Waits until the robot is connected.
     pub(super) async fn connected(&mut self) -> Result<(), Failure> {
         self.pilot.connected().await.map_err(failed)
     }

@@ -14,12 +14,11 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use super::assembly::zone;
-use super::connection::ChosenRobot;
 use super::interrupt::TerminatingSignals;
 use super::startup::runtime;
 use super::status::{StatusLine, show};
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Bus};
+use crate::agent::AgentError;
 use crate::clock::{Date, hours};
 use crate::config::Config;
 use crate::journal::{self, SimulationJournal};
@@ -33,14 +32,12 @@ const STUCK_LIMIT: Duration = Duration::from_secs(5);
 /// Time limit, in real time, for ending the scripts and the run after a signal.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(10);
 
-/// A run or service in virtual time.
 pub(super) struct FastSetup<'a> {
     pub(super) config: &'a Config,
-    pub(super) robot: ChosenRobot,
+    pub(super) world: World,
     /// What the config and the further fields do not say.
     pub(super) options: simulation::Options,
     pub(super) date: Option<Date>,
-    /// The file for all events.
     pub(super) events: Option<&'a Path>,
     /// The beginning of the status line.
     pub(super) names: String,
@@ -60,7 +57,7 @@ impl FastSetup<'_> {
         + 'static,
     ) -> Result<Exit, Failure> {
         let config = self.config;
-        let world = world_of(self.robot, self.is_service)?;
+        let world = self.world;
         let events = self.events.map(EventFile::create).transpose()?;
         let options = simulation::Options {
             limits: config.watchdog.clone(),
@@ -79,7 +76,13 @@ impl FastSetup<'_> {
         let (opened, view) = oneshot::channel();
         let simulate = move || {
             simulation::run(world, options, async |simulation: &Simulation| {
-                let journal = recorded.map(|config| start_journal(&config, &bus));
+                let journal = recorded.map(|config| {
+                    let about = journal::RunInfo {
+                        target: "a simulated robot".to_owned(),
+                        simulated: true,
+                    };
+                    SimulationJournal::start(&bus, config.data_folder(), config.journal, about)
+                });
                 let exit = job(simulation, opened).await;
                 if let Some(journal) = journal {
                     journal.finish().await;
@@ -107,30 +110,6 @@ impl FastSetup<'_> {
     }
 }
 
-fn world_of(robot: ChosenRobot, is_service: bool) -> Result<World, Failure> {
-    match robot {
-        ChosenRobot::Sim(world) => Ok(*world),
-        ChosenRobot::Robot(_) => {
-            let example = if is_service {
-                "spykee serve --sim --fast --for 86400"
-            } else {
-                "spykee run FILE.lua --sim --fast"
-            };
-            let why = "--fast needs --sim: a real robot runs in real time";
-            Err(Failure::usage(why).help(example))
-        }
-    }
-}
-
-/// Starts a journal in virtual time, within the simulation.
-fn start_journal(config: &Config, bus: &Bus) -> SimulationJournal {
-    let about = journal::RunInfo {
-        target: "a simulated robot".to_owned(),
-        simulated: true,
-    };
-    SimulationJournal::start(bus, config.data_folder(), config.journal, about)
-}
-
 /// Runs a simulation on its own thread, shows its progress, and ends it at a signal.
 async fn watch_over<T: Send + 'static>(
     simulate: impl FnOnce() -> io::Result<T> + Send + 'static,
@@ -139,7 +118,12 @@ async fn watch_over<T: Send + 'static>(
     console: &Console,
 ) -> Result<T, Failure> {
     let mut signals = TerminatingSignals::except(&[])?;
-    exit_when_stuck(console);
+    // A script that cannot be interrupted ends the program.
+    let last = console.clone();
+    script::when_stuck(STUCK_LIMIT, move |file| {
+        let words = format!("error: {}", script::stuck(file));
+        exit_with_message(&last, &words, Exit::Failed);
+    });
     let (ended, mut end) = oneshot::channel();
     let thread = std::thread::Builder::new()
         .name("fast".into())
@@ -178,15 +162,6 @@ fn no_simulation(error: io::Error) -> Failure {
     Failure::io("start the simulation", error)
 }
 
-/// Ends the program if a script cannot be interrupted for [`STUCK_LIMIT`].
-fn exit_when_stuck(console: &Console) {
-    let console = console.clone();
-    script::when_stuck(STUCK_LIMIT, move |file| {
-        let words = format!("error: {}", script::stuck(file));
-        exit_with_message(&console, &words, Exit::Failed);
-    });
-}
-
 /// Ends the program with these last words when the simulation cannot be ended.
 fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
@@ -201,10 +176,8 @@ fn factor(simulated: Duration, real: Duration) -> f64 {
 fn summary(simulated: Duration, real: Duration) -> String {
     let factor = factor(simulated, real);
     let seconds = real.as_secs_f64();
-    format!(
-        "{} simulated in {seconds:.1} s ({factor:.0}x)",
-        hours(simulated)
-    )
+    let simulated = hours(simulated);
+    format!("{simulated} simulated in {seconds:.1} s ({factor:.0}x)")
 }
 
 /// An event log file with one JSON object per line; or the first error of writing it.
@@ -239,7 +212,6 @@ impl EventFile {
         })
     }
 
-    /// Writes the buffered rest.
     fn finish(self) -> Result<(), Failure> {
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         let error = match &mut *file {

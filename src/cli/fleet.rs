@@ -6,17 +6,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Subcommand;
-use serde_json::{Value, json};
+use serde_json::Value;
 
 use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
-use crate::control::Run;
 use crate::files;
-use crate::mqtt::{self, Account, BrokerCommand, Fleet, FleetError, Found, Presence};
-use crate::robot::Bus;
-use crate::side_thread::SideThread;
+use crate::mqtt::{Account, Fleet, Found, Presence};
 
 /// Timeout for an agent's reply, which includes loading or ending behaviours.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
@@ -29,23 +26,8 @@ const ALL: &str = "all";
 
 const HEAD: &str = "ROBOT|CONNECTION|STATE|>BATTERY|RUNNING|PROBLEM";
 
-/// Control all robots on an MQTT broker: list them, start a behaviour, stop them
-///
-/// The config names the broker (`mqtt: { host: ... }`); every run whose config names the same
-/// broker appears there under its robot's uid. The exit code is 4 if any robot did not carry out
-/// the command.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    after_help = "Examples:\n  spykee fleet list\n  spykee fleet run patrol --on all\n  \
-                        spykee fleet stop SPYKEE0001 SPYKEE0007\n  spykee fleet stop all"
-)]
-pub(super) struct FleetArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// List the robots with their connections (ONLINE, OFFLINE if logged off, CONNECTIONBROKEN if
     /// lost) and states
     List {
@@ -77,7 +59,7 @@ enum Action {
 }
 
 /// Connects to the broker and carries out the command.
-pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
     let account = account(settings.load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker").help(
             "add mqtt: { host: broker.local }; see the book's chapter MQTT and Home Assistant",
@@ -85,7 +67,7 @@ pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, 
     })?;
     let visit = async {
         let mut fleet = Fleet::connect(account).await.map_err(unreachable)?;
-        let exit = act(&mut fleet, &args.action).await;
+        let exit = act(&mut fleet, action).await;
         fleet.disconnect().await;
         exit
     };
@@ -94,18 +76,14 @@ pub(super) fn run(args: &FleetArgs, settings: &CommandSettings) -> Result<Exit, 
 
 async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     match action {
-        Action::List { json, .. } => list(fleet, *json),
-        Action::Run { behaviour, on, .. } => {
-            send_command(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
-        }
-        Action::Stop { robots, .. } => send_command(fleet, &BrokerCommand::Stop, robots).await,
-        Action::ResetStop { robots, .. } => {
-            send_command(fleet, &BrokerCommand::ResetStop, robots).await
-        }
+        Action::List { json } => list(fleet, *json),
+        Action::Run { behaviour, on } => send_command(fleet, &format!("run {behaviour}"), on).await,
+        Action::Stop { robots } => send_command(fleet, "stop", robots).await,
+        Action::ResetStop { robots } => send_command(fleet, "reset_stop", robots).await,
     }
 }
 
-fn unreachable(error: FleetError) -> Failure {
+fn unreachable(error: String) -> Failure {
     Failure::new(Exit::Unreachable, error)
         .help("is `mqtt` in `spykee config show --origin` right, and is the broker running?")
 }
@@ -113,23 +91,13 @@ fn unreachable(error: FleetError) -> Failure {
 fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
     let found: Vec<&Found> = fleet.found().collect();
     if as_json {
-        let list: Vec<Value> = found.into_iter().map(object).collect();
-        print_json(&list)?;
+        print_json(&found)?;
     } else if found.is_empty() {
         print("no robot has ever connected to this broker\n")?;
     } else {
         print(&aligned(HEAD, found.into_iter().map(row)))?;
     }
     Ok(Exit::Done)
-}
-
-fn object(found: &Found) -> Value {
-    let Found {
-        robot,
-        presence,
-        state,
-    } = found;
-    json!({ "robot": robot, "connection": presence, "state": state })
 }
 
 /// A table row. Shows the state only of online robots: the last state of others may be out of date.
@@ -149,51 +117,40 @@ fn row(found: &Found) -> Vec<String> {
 }
 
 /// Sends the command to all chosen robots at once and prints the outcome of each.
-async fn send_command(
-    fleet: &mut Fleet,
-    command: &BrokerCommand,
-    named: &[String],
-) -> Result<Exit, Failure> {
-    let (chosen, absent) = choose(fleet, named)?;
-    let answers = fleet.ask(&chosen, command, REPLY_TIMEOUT).await;
+async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Result<Exit, Failure> {
+    let chosen = choose(fleet, named)?;
+    let online = chosen
+        .iter()
+        .filter(|(_, presence)| *presence == Presence::Online);
+    let online: Vec<String> = online.map(|(robot, _)| robot.clone()).collect();
+    let answers = fleet.ask(&online, command, REPLY_TIMEOUT).await;
     let answers = answers.map_err(unreachable)?;
-    let mut exit = if absent.is_empty() {
-        Exit::Done
-    } else {
-        Exit::Check
-    };
+    let mut exit = Exit::Done;
     let mut text = String::new();
-    for (robot, presence) in absent {
-        text += &format!("{robot}: not asked, it is {}\n", presence.word());
-    }
-    for robot in chosen {
-        let outcome = match answers.get(&robot) {
-            Some(answer) if answer.done => "done".to_owned(),
+    for (robot, presence) in chosen {
+        let problem = match answers.get(&robot) {
+            Some(answer) if answer.done => None,
             Some(answer) => {
-                exit = Exit::Check;
-                format!(
-                    "not done: {}",
-                    answer.text.as_deref().unwrap_or("no reason")
-                )
+                let why = answer.text.as_deref().unwrap_or("no reason");
+                Some(format!("not done: {why}"))
             }
-            None => {
-                exit = Exit::Check;
-                format!("no answer within {} s", REPLY_TIMEOUT.as_secs())
+            None if presence == Presence::Online => {
+                Some(format!("no answer within {} s", REPLY_TIMEOUT.as_secs()))
             }
+            None => Some(format!("not asked, it is {}", presence.word())),
         };
-        text += &format!("{robot}: {outcome}\n");
+        if problem.is_some() {
+            exit = Exit::Check;
+        }
+        text += &format!("{robot}: {}\n", problem.as_deref().unwrap_or("done"));
     }
     print(&text)?;
     Ok(exit)
 }
 
-/// The robots to ask, and those that are not online.
-type Chosen = (Vec<String>, Vec<(String, Presence)>);
-
-/// Chooses the robots to ask, and lists those that are meant but not online, with their presence.
-/// An agent that lost its connection may still be driving without the broker, so `all` also reports
-/// that it was not asked.
-fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
+/// The robots that are meant, with their presence. An agent that lost its connection may still be driving
+/// without the broker, so `all` means it too; one that logged off is not meant.
+fn choose(fleet: &Fleet, named: &[String]) -> Result<Vec<(String, Presence)>, Failure> {
     let all = named.iter().any(|name| name == ALL);
     let names: BTreeSet<&str> = named.iter().map(String::as_str).collect();
     let unknown = names
@@ -203,25 +160,21 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         let failure = Failure::usage(format_args!("no robot {unknown} at this broker"));
         return Err(failure.help("`spykee fleet list` lists the robots"));
     }
-    let mut chosen = Vec::new();
-    let mut absent = Vec::new();
-    for found in fleet.found() {
-        let wanted = names.contains(found.robot.as_str());
-        match found.presence {
-            Presence::Online if all || wanted => chosen.push(found.robot.clone()),
-            // With `all`, an agent that logged off is not a failure.
-            Presence::Offline if !wanted => {}
-            presence if all || wanted => absent.push((found.robot.clone(), presence)),
-            _ => {}
-        }
-    }
-    if chosen.is_empty() && absent.is_empty() {
+    let is_meant = |found: &&Found| {
+        let is_here = all && found.presence != Presence::Offline;
+        is_here || names.contains(found.robot.as_str())
+    };
+    let meant = fleet.found().filter(is_meant);
+    let chosen: Vec<_> = meant
+        .map(|found| (found.robot.clone(), found.presence))
+        .collect();
+    if chosen.is_empty() {
         return Err(
             Failure::new(Exit::Unreachable, "no robot is online at this broker")
                 .help("a run appears there if its config names the same broker"),
         );
     }
-    Ok((chosen, absent))
+    Ok(chosen)
 }
 
 /// The broker's account, if the config names a broker.
@@ -262,10 +215,4 @@ pub(super) fn account_of_run(settings: &Effective) -> Result<Option<Account>, Fa
         return Err(secret::refuse_found(config, what));
     }
     Ok(account)
-}
-
-/// Starts the broker connection of a run. On an error the run continues without it.
-pub(super) fn start_broker(bus: &Bus, run: &Run, account: Option<Account>) -> Option<SideThread> {
-    let started = mqtt::start(bus, run.clone(), account?);
-    started.map_err(|error| tracing::warn!("{error}")).ok()
 }

@@ -1,7 +1,6 @@
 //! `spykee history`: shows the journal as a table, as JSON or CSV.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::Duration;
 
 use clap::ValueEnum;
@@ -14,7 +13,7 @@ use super::settings::CommandSettings;
 use super::table::{aligned, csv_cell};
 use super::{Exit, Failure, print, print_json};
 use crate::clock;
-use crate::journal::{self, JournalReader, Kinds, Record};
+use crate::journal::{self, JournalReader, Record};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
@@ -107,9 +106,9 @@ enum Topic {
 }
 
 impl Topic {
-    fn kinds(self) -> Kinds {
-        Kinds::Of(match self {
-            Topic::All => return Kinds::All,
+    fn kinds(self) -> &'static [&'static str] {
+        match self {
+            Topic::All => &[],
             Topic::Battery => &["battery"],
             Topic::Link => &["link_up", "link_down"],
             Topic::Docks => &["dock", "undock"],
@@ -125,7 +124,7 @@ impl Topic {
             Topic::Pictures => &["picture"],
             Topic::Entries => &["entry"],
             Topic::Messages => &["notify"],
-        })
+        }
     }
 }
 
@@ -133,7 +132,6 @@ const DEFAULT_LIMIT: u32 = 1000;
 
 pub(super) fn run(args: &HistoryArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
-    let data = config.data_folder();
     let zone = config.zone().time_zone().clone();
     let now = Timestamp::now();
     let resolve = |moment: &Option<Moment>| {
@@ -149,24 +147,17 @@ pub(super) fn run(args: &HistoryArgs, settings: &CommandSettings) -> Result<Exit
         robot: args.robot.clone(),
         newest: None,
     };
-    list(args, &open(data)?, span, &zone)
-}
-
-fn open(data: &Path) -> Result<JournalReader, Failure> {
-    let data_shown = data.display();
-    match JournalReader::open(data) {
-        Ok(Some(history)) => Ok(history),
-        Ok(None) => Err(
-            Failure::usage(format_args!("there is no journal in {data_shown}")).help(
-                "`spykee serve` keeps one, and with `journal: { record: on }` in the config `spykee \
-                 run` too; --config selects another config and its data folder",
-            ),
-        ),
-        Err(error) => {
-            let doing = format_args!("read the journal in {data_shown}");
-            Err(Failure::io(doing, error))
-        }
-    }
+    let folder = config.data_folder();
+    let shown = folder.display();
+    let opened = JournalReader::open(folder)
+        .map_err(|error| Failure::io(format_args!("read the journal in {shown}"), error))?;
+    let history = opened.ok_or_else(|| {
+        Failure::usage(format_args!("there is no journal in {shown}")).help(
+            "`spykee serve` keeps one, and with `journal: { record: on }` in the config `spykee run` \
+             too; --config selects another config and its data folder",
+        )
+    })?;
+    list(args, &history, span, &zone)
 }
 
 fn list(
@@ -181,7 +172,7 @@ fn list(
     }
     let records = match args.topic {
         Topic::Battery => history.battery(&span),
-        topic => history.records(&topic.kinds(), &span),
+        topic => history.records(topic.kinds(), &span),
     };
     let records = records.map_err(|error| Failure::io("read the journal", error))?;
     if !limited && records.len() == DEFAULT_LIMIT as usize {
@@ -231,23 +222,41 @@ impl View {
         View { columns, rows }
     }
 
+    /// A row for each run of a behaviour, in the order in which they began. One that has no end is still
+    /// running, or its agent was killed.
     fn of_runs(records: &[Record], zone: &TimeZone) -> View {
-        let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
-        let row = |run: &Run| {
-            let seconds = run.lasted().map(i64::unsigned_abs);
-            let lasted = seconds.map(|seconds| clock::hours(Duration::from_secs(seconds)));
-            vec![
-                moment(run.began),
-                moment(run.ended),
-                lasted.unwrap_or_default(),
-                run.behaviour.clone(),
-                run.reason.clone(),
-                run.message.clone(),
-            ]
+        let new_row = |behaviour: &str| {
+            let mut row = vec![String::new(); 6];
+            row[3] = behaviour.to_owned();
+            row
         };
+        let mut rows: Vec<Vec<String>> = Vec::new();
+        let mut open: BTreeMap<(i64, &str), usize> = BTreeMap::new();
+        for record in records {
+            let key = (record.session, record.text("behaviour"));
+            let at = time(record.at, zone);
+            if record.kind() == "started" {
+                open.insert(key, rows.len());
+                let mut row = new_row(key.1);
+                row[0] = at;
+                rows.push(row);
+                continue;
+            }
+            let number = open.remove(&key).unwrap_or(rows.len());
+            if number == rows.len() {
+                rows.push(new_row(key.1));
+            }
+            let seconds = record.number("seconds").unwrap_or_default();
+            let lasted = Duration::try_from_secs_f64(seconds.round());
+            let row = &mut rows[number];
+            row[1] = at;
+            row[2] = clock::hours(lasted.unwrap_or_default());
+            row[4] = record.text("reason").to_owned();
+            row[5] = record.text("message").to_owned();
+        }
         View {
             columns: &["began", "ended", "lasted", "behaviour", "end", "what"],
-            rows: runs(records).iter().map(row).collect(),
+            rows,
         }
     }
 
@@ -367,64 +376,6 @@ fn time(at: Timestamp, zone: &TimeZone) -> String {
     at.to_zoned(zone.clone())
         .strftime("%Y-%m-%d %H:%M:%S")
         .to_string()
-}
-
-/// A behaviour from its start to its end.
-#[derive(Debug, Clone, Default, PartialEq)]
-struct Run {
-    behaviour: String,
-    began: Option<Timestamp>,
-    /// `None` if it is still running or its agent was killed.
-    ended: Option<Timestamp>,
-    /// The running time recorded by the agent.
-    seconds: Option<f64>,
-    /// Why it ended; empty if unknown.
-    reason: String,
-    message: String,
-}
-
-impl Run {
-    /// How long it ran, in whole seconds. Prefers the recorded running time over the difference of
-    /// the timestamps: the clock may have been set in between.
-    fn lasted(&self) -> Option<i64> {
-        let own = self.seconds.map(|seconds| seconds.round() as i64);
-        let shown = self.began.zip(self.ended);
-        let shown = shown.map(|(began, ended)| ended.duration_since(began).as_secs().max(0));
-        own.or(shown)
-    }
-}
-
-/// The runs of `started` and `ended` records, in the order in which they began.
-fn runs(records: &[Record]) -> Vec<Run> {
-    let mut runs: Vec<Run> = Vec::new();
-    let mut open: BTreeMap<(i64, String), usize> = BTreeMap::new();
-    for record in records {
-        let behaviour = record.text("behaviour").to_owned();
-        let key = (record.session, behaviour.clone());
-        let begins = record.kind() == "started";
-        if !begins && record.kind() != "ended" {
-            continue;
-        }
-        let known = if begins { None } else { open.remove(&key) };
-        let at = known.unwrap_or(runs.len());
-        if known.is_none() {
-            runs.push(Run {
-                behaviour,
-                ..Run::default()
-            });
-        }
-        let run = &mut runs[at];
-        if begins {
-            run.began = Some(record.at);
-            open.insert(key, at);
-        } else {
-            run.ended = Some(record.at);
-            run.seconds = record.number("seconds");
-            run.reason = record.text("reason").to_owned();
-            run.message = record.text("message").to_owned();
-        }
-    }
-    runs
 }
 
 #[cfg(test)]
@@ -554,16 +505,10 @@ mod tests {
                 json!({"event": "ended", "behaviour": "patrol", "reason": "done"}),
             ),
         ];
-        let runs = runs(&records);
+        let runs = View::of_runs(&records, &zone()).rows;
         let summary: Vec<_> = runs
             .iter()
-            .map(|run| {
-                (
-                    run.behaviour.as_str(),
-                    run.reason.as_str(),
-                    run.ended.is_some(),
-                )
-            })
+            .map(|run| (run[3].as_str(), run[4].as_str(), !run[1].is_empty()))
             .collect();
         let expected = [
             ("patrol", "done", true),
@@ -571,10 +516,7 @@ mod tests {
             ("guard", "", false),
         ];
         assert_eq!(summary, expected);
-        assert_eq!(
-            super::runs(&records[2..3])[0].began,
-            None,
-            "it began before"
-        );
+        let began_before = View::of_runs(&records[2..3], &zone()).rows;
+        assert_eq!(began_before[0][0], "");
     }
 }

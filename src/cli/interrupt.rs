@@ -1,9 +1,9 @@
 //! Handles the signals that end or suspend a program, for programs that drive a robot.
 
-use std::future::{Future, poll_fn};
-use std::task::Poll;
+use std::future::Future;
 use std::time::Duration;
 
+use futures_util::future::select_all;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 use tokio::runtime::Handle;
 use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -53,17 +53,7 @@ impl TerminatingSignals {
     }
 
     pub(super) async fn next(&mut self) {
-        poll_fn(|context| {
-            // Polls all of them, so that each can wake this task.
-            let mut received = Poll::Pending;
-            for signal in &mut self.0 {
-                if signal.poll_recv(context).is_ready() {
-                    received = Poll::Ready(());
-                }
-            }
-            received
-        })
-        .await;
+        select_all(self.0.iter_mut().map(|signal| Box::pin(signal.recv()))).await;
     }
 }
 
@@ -117,9 +107,7 @@ fn suspend(original: Option<Terminal>) {
 
 /// Settings that more than this many successive checks find unchanged count as stable.
 const STABLE_CHECKS: u32 = 3;
-/// Maximum number of checks.
 const MAX_CHECKS: u32 = 20;
-/// Pause between two checks.
 const CHECK_PAUSE: Duration = Duration::from_millis(10);
 
 /// The settings of standard input, if it is a terminal.

@@ -13,29 +13,30 @@ use super::table::aligned;
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
 
-/// Learn to write behaviours with built-in exercises and checks
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct LessonArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
 #[derive(Debug, Clone, clap::Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// List the lessons
     List,
     /// Create a folder with a lesson's task and a script to start from
-    Start(StartArgs),
+    Start {
+        /// Number or name of the lesson
+        #[arg(value_name = "LESSON", value_parser = parse_lesson)]
+        lesson: &'static Lesson,
+
+        /// Folder to create [default: named after the lesson, such as lesson-03-moving]
+        #[arg(value_name = "DIR")]
+        folder: Option<PathBuf>,
+    },
     /// Test a script against its lesson and say what is missing
     Check(check::CheckArgs),
     /// Check the scripts of a class
     Grade(grade::GradeArgs),
 }
 
-pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure> {
-    match &args.action {
+pub(super) fn run(action: &Action, console: &Console) -> Result<Exit, Failure> {
+    match action {
         Action::List => list(),
-        Action::Start(args) => start(args),
+        Action::Start { lesson, folder } => start(lesson, folder.clone()),
         Action::Check(args) => check::run(args, console),
         Action::Grade(args) => grade::run(args, console),
     }
@@ -71,23 +72,11 @@ fn parse_lesson(text: &str) -> Result<&'static Lesson, String> {
     })
 }
 
-#[derive(Debug, Clone, clap::Args)]
-struct StartArgs {
-    /// Number or name of the lesson
-    #[arg(value_name = "LESSON", value_parser = parse_lesson)]
-    lesson: &'static Lesson,
-
-    /// Folder to create [default: named after the lesson, such as lesson-03-moving]
-    #[arg(value_name = "DIR")]
-    folder: Option<PathBuf>,
-}
-
 /// Creates the folder. Does not change an existing one.
-fn start(args: &StartArgs) -> Result<Exit, Failure> {
-    let lesson = args.lesson;
+fn start(lesson: &Lesson, folder: Option<PathBuf>) -> Result<Exit, Failure> {
     let number = lesson.number;
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
-    let folder = args.folder.clone().unwrap_or_else(own);
+    let folder = folder.unwrap_or_else(own);
     let shown = folder.display();
     if let Some(parent) = folder.parent() {
         std::fs::create_dir_all(parent)

@@ -9,52 +9,33 @@ use super::{Console, Failure};
 use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
-use crate::http::Options;
 use crate::live::{self, Live, LiveError, RunDefinition, Script, WebContext};
-use crate::robot::{Bus, Listener};
+use crate::robot::Listener;
 use crate::script::ParamValue;
 
-/// The page's inputs that must be collected before the run starts.
-pub(super) struct PageInputs {
-    options: Options,
-    data: std::path::PathBuf,
+/// Serves the page, logs its address, and opens it in the browser if a person is at the terminal. `bus`
+/// listens since before the run has started.
+pub(super) fn serve(
+    config: &Config,
+    run: Run,
     definition: watch::Receiver<RunDefinition>,
     bus: Listener,
-}
-
-impl PageInputs {
-    /// Collects the inputs from the config, the known scripts and the bus.
-    pub(super) fn new(
-        config: &Config,
-        definition: watch::Receiver<RunDefinition>,
-        bus: &Bus,
-    ) -> PageInputs {
-        PageInputs {
-            options: config.live.clone(),
-            data: config.data_folder().to_owned(),
-            definition,
-            bus: bus.subscribe(),
-        }
+    console: &Console,
+) -> Result<Live, Failure> {
+    let context = WebContext {
+        run,
+        definition,
+        bus,
+        log: live::tap(),
+        data: config.data_folder().to_owned(),
+    };
+    let live = Live::start(context, &config.live).map_err(refused)?;
+    let url = live.url();
+    tracing::info!("the page is at {url}");
+    if console.has_status_line() {
+        open(&url);
     }
-
-    /// Serves the page, logs its address, and opens it in the browser if a person is at the
-    /// terminal.
-    pub(super) fn serve(self, run: Run, console: &Console) -> Result<Live, Failure> {
-        let context = WebContext {
-            run,
-            definition: self.definition,
-            bus: self.bus,
-            log: live::tap(),
-            data: self.data,
-        };
-        let live = Live::start(context, &self.options).map_err(refused)?;
-        let url = live.url();
-        tracing::info!("the page is at {url}");
-        if console.has_status_line() {
-            open(&url);
-        }
-        Ok(live)
-    }
+    Ok(live)
 }
 
 /// A behaviour's script as the page shows it.

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use tracing::Dispatch;
 use tracing::dispatcher::DefaultGuard;
-use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::field::RecordFields;
 use tracing_subscriber::fmt::FormatFields;
@@ -14,53 +13,45 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::Console;
-use crate::config::{Level, LogFormat};
-use crate::live::LogTap;
+use super::console::LogFormat;
+use crate::live::{EventFields, LogTap};
 use crate::sanitize;
 use crate::simulation;
 
-/// The default filter: records of this crate from the config's level up, of other crates only
-/// warnings and errors.
-fn default_filter(level: Level) -> &'static str {
-    match level {
-        Level::Error => "error",
-        Level::Warn => "warn",
-        Level::Info => "warn,spykee=info",
-        Level::Debug => "warn,spykee=debug",
-    }
-}
+/// The default filter: of other crates only warnings and errors.
+const DEFAULT_FILTER: &str = "warn,spykee=info";
 
 /// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
 /// used. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
+pub(super) fn start(console: &Console, format: LogFormat) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
     let complaint = parsed.as_ref().err().map(ToString::to_string);
-    let default = default_filter(level);
     let filter = parsed.ok().flatten();
-    let filter = filter.unwrap_or_else(|| EnvFilter::new(default));
+    let filter = filter.unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
     let started = tracing::dispatcher::set_global_default(dispatch(console, format, filter));
     if let (Ok(()), Some(complaint)) = (started, complaint) {
-        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {default}");
+        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
     }
 }
 
 /// Logs only what this thread and its simulations do, until the guard is dropped.
-pub(super) fn start_on_this_thread(
-    console: &Console,
-    format: LogFormat,
-    level: Level,
-) -> DefaultGuard {
-    let filter = EnvFilter::new(default_filter(level));
+pub(super) fn start_on_this_thread(console: &Console, format: LogFormat) -> DefaultGuard {
+    let filter = EnvFilter::new(DEFAULT_FILTER);
     tracing::dispatcher::set_default(&dispatch(console, format, filter))
 }
 
 fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch {
+    let since = if console.has_status_line() {
+        Some(Instant::now())
+    } else {
+        None
+    };
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_timer(Clock::new(console.has_status_line()))
+        .with_timer(Clock { since })
         .with_writer(console.clone())
         .with_ansi(console.colour());
     match format {
@@ -83,13 +74,6 @@ fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch
 /// since the start; UTC elsewhere.
 struct Clock {
     since: Option<Instant>,
-}
-
-impl Clock {
-    fn new(terminal: bool) -> Clock {
-        let since = if terminal { Some(Instant::now()) } else { None };
-        Clock { since }
-    }
 }
 
 impl FormatTime for Clock {
@@ -115,12 +99,13 @@ impl<'writer> FormatFields<'writer> for Plain {
         mut writer: Writer<'writer>,
         fields: R,
     ) -> fmt::Result {
-        let mut reading = Reading::default();
-        fields.record(&mut reading);
-        let names = reading.fields.iter().map(|(name, _)| *name);
+        let mut event = EventFields::default();
+        fields.record(&mut event);
+        let names = event.fields.iter().map(|field| field.name);
         let mut parts = Vec::new();
-        if let Some(message) = &reading.message {
-            parts.push(sanitize::message(message, names.chain(RESERVED)));
+        if let Some(message) = &event.message {
+            let message = sanitize::text(message, false);
+            parts.push(sanitize::message(&message, names.chain(RESERVED)));
         }
         let dimmed = |name: &str| {
             if writer.has_ansi_escapes() {
@@ -129,34 +114,15 @@ impl<'writer> FormatFields<'writer> for Plain {
                 format!("{name}=")
             }
         };
-        for (name, value) in &reading.fields {
-            parts.push(format!("{}{value}", dimmed(name)));
+        for field in &event.fields {
+            let value = if field.is_text {
+                format!("{:?}", field.value)
+            } else {
+                sanitize::value(&sanitize::text(&field.value, false))
+            };
+            parts.push(format!("{}{value}", dimmed(field.name)));
         }
         writer.write_str(&parts.join(" "))
-    }
-}
-
-#[derive(Default)]
-struct Reading {
-    message: Option<String>,
-    fields: Vec<(&'static str, String)>,
-}
-
-impl Visit for Reading {
-    fn record_str(&mut self, field: &Field, value: &str) {
-        match field.name() {
-            "message" => self.message = Some(sanitize::text(value, false)),
-            // Always in quotes.
-            name => self.fields.push((name, format!("{value:?}"))),
-        }
-    }
-
-    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        let text = sanitize::text(&format!("{value:?}"), false);
-        match field.name() {
-            "message" => self.message = Some(text),
-            name => self.fields.push((name, sanitize::value(&text))),
-        }
     }
 }
 

@@ -53,7 +53,6 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::config::{Level, LogFormat};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
@@ -62,7 +61,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use serde::Serialize;
 
 pub use connection::{ConnectionArgs, LoginArgs};
-pub use console::Console;
+pub use console::{Console, LogFormat};
 pub use failure::{Exit, Failure};
 use settings::CommandSettings;
 
@@ -94,25 +93,81 @@ struct Cli {
 enum Command {
     Run(Box<run::RunArgs>),
     Serve(serve::ServeArgs),
-    Service(service::ServiceArgs),
+    /// Create a systemd unit for `spykee serve`, with its own user and few rights
+    ///
+    /// The unit cannot read home folders, so its program, config and password file must be elsewhere:
+    /// /usr/local/bin/spykee, /etc/spykee/spykee.yaml. The service keeps its data in /var/lib/spykee,
+    /// so the config should not set another `data:`.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  spykee service print\n  sudo spykee service install --password-file /etc/spykee/password"
+    )]
+    Service(service::Action),
     Status(runs::StatusArgs),
-    Behaviour(behaviour::BehaviourArgs),
+    /// Start, stop, restart or list the behaviours of an active run
+    ///
+    /// Asks the `spykee run` or `spykee serve` of this data folder through its private socket, or with
+    /// --url a service on another computer. Each start reads the script from its file; a script with a
+    /// mistake is refused.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  spykee behaviour list\n  spykee behaviour start patrol --for 30m\n  spykee behaviour restart guard"
+    )]
+    Behaviour(behaviour::BehaviourCommand),
     History(history::HistoryArgs),
-    Fleet(fleet::FleetArgs),
-    Token(token::TokenArgs),
+    /// Control all robots on an MQTT broker: list them, start a behaviour, stop them
+    ///
+    /// The config names the broker (`mqtt: { host: ... }`); every run whose config names the same
+    /// broker appears there under its robot's uid. The exit code is 4 if any robot did not carry out
+    /// the command.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  spykee fleet list\n  spykee fleet run patrol --on all\n  \
+                        spykee fleet stop SPYKEE0001 SPYKEE0007\n  spykee fleet stop all"
+    )]
+    Fleet(fleet::Action),
+    /// Create, list and revoke tokens for the page and the JSON API
+    ///
+    /// A token is 256 random bits. It is printed once, on a terminal with a link to the page and the
+    /// link's QR code for a phone; the data folder keeps its SHA-256 digest in a private file. Programs
+    /// send it as `Authorization: Bearer TOKEN`. Within a second an active run accepts a new token, and
+    /// refuses a revoked one.
+    #[command(
+        subcommand,
+        after_help = "Example: spykee token new phone --role driver"
+    )]
+    Token(token::Action),
     Discover(discover::DiscoverArgs),
-    Robot(robot::RobotArgs),
+    /// Send the robot a single command: battery, docking, lights, a picture, its settings
+    ///
+    /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
+    /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
+    /// snapshot, dock, undock, stop, reset-stop, led, play, volume and say go through it; without
+    /// --robot they address the only active run, stop and reset-stop all of them. With --url they go
+    /// through a service on another computer. If any other program uses the robot, end it first.
+    #[command(
+        subcommand,
+        after_help = "Examples:\n  spykee robot battery --robot 172.17.6.1\n  spykee robot stop --robot 172.17.6.1\n  spykee robot snapshot -o room.jpg --sim"
+    )]
+    Robot(robot::RobotCommand),
     Calibrate(calibrate::CalibrateArgs),
     Doctor(doctor::DoctorArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
     Check(check::CheckArgs),
     Test(test::TestArgs),
-    Lesson(lesson::LessonArgs),
+    /// Learn to write behaviours with built-in exercises and checks
+    #[command(subcommand)]
+    Lesson(lesson::Action),
     Api(api::ApiArgs),
     Sim(sim::SimArgs),
-    Colour(colour::ColourArgs),
-    Config(config::ConfigArgs),
+    /// Find colours in pictures, as scripts do, or learn a new one
+    #[command(subcommand)]
+    Colour(colour::Action),
+    /// Show the settings and where they come from, check a config file, list its coming starts, test
+    /// its notification targets
+    #[command(subcommand)]
+    Config(config::Action),
     Completions(completions::CompletionsArgs),
 }
 
@@ -121,8 +176,8 @@ impl Command {
     /// to another user.
     fn uses_settings(&self) -> bool {
         match self {
-            Command::Config(args) => args.uses_settings(),
-            Command::Colour(args) => args.uses_settings(),
+            Command::Config(action) => action.uses_settings(),
+            Command::Colour(action) => action.uses_settings(),
             Command::Service(_)
             | Command::Discover(_)
             | Command::New(_)
@@ -189,9 +244,9 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format, level| {
+    let start_logging = |console: &Console, format| {
         report_panics(console.clone());
-        logging::start(console, format, level);
+        logging::start(console, format);
     };
     execute(cli, Console::start, start_logging).into()
 }
@@ -245,7 +300,7 @@ fn exit_of(error: &clap::Error) -> Exit {
 fn execute<Guard>(
     cli: Cli,
     start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat, Level) -> Guard,
+    start_logging: impl FnOnce(&Console, LogFormat) -> Guard,
 ) -> Exit {
     let named = match cli.command {
         Command::Service(_) => None,
@@ -253,14 +308,11 @@ fn execute<Guard>(
     };
     let is_named = named.is_some();
     let settings = CommandSettings::new(named);
-    // An invalid config is reported by the subcommand that needs it.
-    let logs = settings.config().map(|config| config.logging.clone());
-    let logs = logs.unwrap_or_default();
-    let format = cli.log_format.unwrap_or(logs.format);
+    let format = cli.log_format.unwrap_or_default();
     let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format, logs.level);
+    let _logging = start_logging(&console, format);
     let usable = if cli.command.uses_settings() {
         settings.warn_about_variables();
         Ok(())

@@ -23,7 +23,6 @@ pub(super) struct NewArgs {
     template: Template,
 }
 
-/// The behaviour to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Template {
     /// Drives a square repeatedly

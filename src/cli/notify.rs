@@ -40,7 +40,6 @@ pub(super) struct TestArgs {
     picture: Option<PathBuf>,
 }
 
-/// Sends the message.
 pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let settings = settings.load()?;
     let options = &settings.config.notify;

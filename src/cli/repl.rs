@@ -23,7 +23,7 @@ use crate::config::Config;
 use crate::guardian::GuardianFiles;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
-use editor::{EditorCommand, Next, Typed};
+use editor::{EditorCommand, Typed};
 
 /// Name of the session in logs, and of its data folder.
 const NAME: &str = "repl";
@@ -47,7 +47,6 @@ pub(super) struct ReplArgs {
     connection: ConnectionArgs,
 }
 
-/// Runs the session until the user ends it.
 pub(super) fn run(
     args: &ReplArgs,
     settings: &CommandSettings,
@@ -187,7 +186,7 @@ impl Repl {
             }
             Typed::Interrupt => {
                 self.send(PromptCommand::Interrupt);
-                self.finish(Next::Prompt);
+                self.finish(EditorCommand::Prompt);
             }
             Typed::End => {
                 self.commands = None;
@@ -221,7 +220,7 @@ impl Repl {
         match message {
             PromptMessage::Ready if !self.begun => {
                 self.begun = true;
-                self.finish(Next::Prompt);
+                self.finish(EditorCommand::Prompt);
             }
             PromptMessage::Ready => {}
             PromptMessage::Line(line) => self.print(&written(&line)),
@@ -234,7 +233,7 @@ impl Repl {
                     "ended ({reason}): {why}\na new session starts; all variables are unset"
                 ));
                 if self.running {
-                    self.finish(Next::Prompt);
+                    self.finish(EditorCommand::Prompt);
                 }
             }
         }
@@ -242,7 +241,7 @@ impl Repl {
 
     fn evaluated(&mut self, evaluated: Evaluated) {
         match evaluated {
-            Evaluated::Incomplete => return self.finish(Next::Continue),
+            Evaluated::Incomplete => return self.finish(EditorCommand::Continue),
             Evaluated::Values(values) if values.is_empty() => {}
             Evaluated::Values(values) => self.print(&values.join("\t")),
             Evaluated::Failed(text) => {
@@ -251,7 +250,7 @@ impl Repl {
             }
             Evaluated::Cancelled => self.print("interrupted"),
         }
-        self.finish(Next::Prompt);
+        self.finish(EditorCommand::Prompt);
     }
 
     /// Prints text: while a line runs, in order with its result; otherwise above the prompt.
@@ -267,10 +266,10 @@ impl Repl {
         }
     }
 
-    fn finish(&mut self, next: Next) {
+    fn finish(&mut self, next: EditorCommand) {
         self.running = false;
         self.terminal_due = Some(Instant::now() + TERMINAL_LIMIT);
-        let _ = self.to_editor.try_send(EditorCommand::Done(next));
+        let _ = self.to_editor.try_send(next);
     }
 
     fn give_up_on_terminal(&mut self) {

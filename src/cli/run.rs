@@ -6,24 +6,23 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
 
-use super::assembly::{RunSetup, clock, exit_of, refuse_date_unless, zone};
+use super::assembly::{RunSetup, clock, exit_of, zone};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
 use super::connection::{ChosenRobot, RobotTarget, no_robot};
 use super::fast::FastSetup;
-use super::live::PageInputs;
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
 use super::world::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, argument, check};
+use super::{ConnectionArgs, Console, Exit, Failure, argument, check, live};
 use crate::agent::Behaviour;
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Date, Span};
 use crate::config::{Config, Effective, Entry};
 use crate::control::{self, SimulatedRobot};
 use crate::journal;
-use crate::live::{RunDefinition, Script};
+use crate::live::RunDefinition;
 use crate::robot::Streams;
-use crate::sim;
+use crate::sim::{self, World};
 use crate::simulation::{self, Running, SimClock};
 use crate::timetable::View;
 
@@ -127,16 +126,14 @@ pub(super) fn run(
         check::before_run(&loaded.behaviours, console)?;
     }
     let robot = robot.ok_or_else(no_robot)?;
-    let simulated = robot.is_simulated();
-    args.firmware.refuse_unless(simulated)?;
-    refuse_date_unless(simulated, args.date)?;
+    refuse_flags_of_simulations(&args, &robot)?;
     let login = args.connection.login.login(settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
     } else {
         tracing::debug!(seed, "starting");
     }
-    let trace = trace_file(&args, simulated)?;
+    let trace = args.trace.as_deref().map(TraceFile::create).transpose()?;
     let sim_options = sim::Options {
         login,
         seed,
@@ -150,7 +147,7 @@ pub(super) fn run(
         return fast(
             &args,
             &config,
-            robot,
+            robot.into_world()?,
             behaviours,
             sim_options,
             trace,
@@ -159,6 +156,15 @@ pub(super) fn run(
     }
     let robot = robot.start(config, sim_options)?;
     in_real_time(&args, settings.load()?, robot, loaded, seed, trace, console)
+}
+
+fn refuse_flags_of_simulations(args: &RunArgs, robot: &ChosenRobot) -> Result<(), Failure> {
+    let why = "--firmware needs --sim: it describes a simulated robot";
+    robot.refuse_if_real(args.firmware.firmware.is_some(), why)?;
+    let why = "--date needs --sim: a real robot uses today's date";
+    robot.refuse_if_real(args.date.is_some(), why)?;
+    let why = "--trace needs --sim: it draws a simulation";
+    robot.refuse_if_real(args.trace.is_some(), why)
 }
 
 /// Runs on a robot, or on a simulated one inside this program.
@@ -199,16 +205,6 @@ fn in_real_time(
     })
 }
 
-fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
-    match args.trace.as_deref() {
-        Some(_) if !simulated => {
-            let failure = Failure::usage("--trace needs --sim: it draws a simulation");
-            Err(failure.help("--sim [WORLD] runs on a simulated robot"))
-        }
-        path => path.map(TraceFile::create).transpose(),
-    }
-}
-
 fn names(behaviours: &[Behaviour]) -> String {
     let names = behaviours
         .iter()
@@ -218,15 +214,16 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 /// What the page shows of the behaviours.
 fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
-    let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    watch::channel(scripts.into()).1
+    let scripts = behaviours.iter().map(live::script).collect();
+    let timetable = None;
+    watch::channel(RunDefinition { scripts, timetable }).1
 }
 
 /// Runs in virtual time, in this process.
 fn fast(
     args: &RunArgs,
     config: &Config,
-    robot: ChosenRobot,
+    world: World,
     behaviours: Vec<Behaviour>,
     sim_options: sim::Options,
     trace: Option<TraceFile>,
@@ -240,10 +237,10 @@ fn fast(
         ..simulation::Options::default()
     };
     let page = args.live.map(|_| definition(&behaviours));
-    let page = page.map(|page| PageInputs::new(config, page, &options.bus));
+    let listener = options.bus.subscribe();
     let setup = FastSetup {
         config,
-        robot,
+        world,
         options,
         date: args.date,
         events: args.events.as_deref(),
@@ -251,7 +248,7 @@ fn fast(
         is_service: false,
     };
     let limit = args.limit.map(Span::get);
-    let streams = config.streams;
+    let config = config.clone();
     let shown = console.clone();
     setup.run(console, async move |simulation, opened| {
         let sim = simulation.sim();
@@ -260,7 +257,8 @@ fn fast(
             robot: sim.clone(),
             sim_clock,
         };
-        let page = page.map(|page| page.serve(run_handle(&run, streams, simulated), &shown));
+        let handle = run_handle(&run, config.streams, simulated);
+        let page = page.map(|page| live::serve(&config, handle, page, listener, &shown));
         let _page = page.transpose()?;
         let _ = opened.send((run.status(), sim.clone()));
         let outcome = run.outcome().await;

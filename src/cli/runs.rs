@@ -32,10 +32,6 @@ pub(super) struct StatusArgs {
     remote: RemoteArgs,
 }
 
-/// Lists the runs.
-///
-/// # Errors
-/// A config that cannot be used.
 pub(super) fn run(args: &StatusArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
     let data = config.data_folder();

@@ -119,27 +119,22 @@ pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file that the config names. It must be a short regular file; for a config
-/// that was found in the current folder (`found_config`), not named, see [`from_found_file`].
-pub(super) fn from_configured_file(
-    path: &Path,
-    found_config: Option<&Path>,
-) -> Result<String, Failure> {
-    if let Some(config) = found_config {
-        return from_found_file(path, config);
-    }
-    warn_if_shared(path);
-    let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
-    first_line(path, text)
-}
-
-/// Like [`from_configured_file`], if the config names one.
+/// The first line of a file that the config names, if it names one. It must be a short regular file;
+/// for a config that was found in the current folder (`found_config`), not named, see
+/// [`from_found_file`].
 pub(super) fn from_optional_file(
     path: Option<&Path>,
     found_config: Option<&Path>,
 ) -> Result<Option<String>, Failure> {
-    path.map(|path| from_configured_file(path, found_config))
-        .transpose()
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    if let Some(config) = found_config {
+        return from_found_file(path, config).map(Some);
+    }
+    warn_if_shared(path);
+    let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
+    first_line(path, text).map(Some)
 }
 
 /// The first line of a file named by a config that was found in the current folder, not named: such
@@ -262,15 +257,11 @@ mod tests {
         let path = root.path().join("password");
         write(&path, 0o644);
         assert_eq!(from_chosen_file(&path).unwrap(), "hunter2");
-        assert_eq!(from_configured_file(&path, None).unwrap(), "hunter2");
-        assert!(from_configured_file(Path::new("/dev/zero"), None).is_err());
+        let of_config = |path| from_optional_file(Some(path), None);
+        assert_eq!(of_config(&path).unwrap().as_deref(), Some("hunter2"));
+        assert!(of_config(Path::new("/dev/zero")).is_err());
         fs::write(&path, "\n").unwrap();
-        assert!(
-            from_configured_file(&path, None)
-                .unwrap_err()
-                .report()
-                .contains("empty")
-        );
+        assert!(of_config(&path).unwrap_err().report().contains("empty"));
     }
 
     #[test]

@@ -12,8 +12,8 @@ use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
 use tokio::sync::{Notify, mpsc, watch};
 
 use self::service_plan::{LoadedPlan, PlanLoader};
-use super::assembly::{RunSetup, ServiceSetup, clock, exit_of, refuse_date_unless};
-use super::connection::{ChosenRobot, RobotTarget, no_robot};
+use super::assembly::{RunSetup, ServiceSetup, clock, exit_of};
+use super::connection::{RobotTarget, no_robot};
 use super::fast::FastSetup;
 use super::interrupt::listen;
 use super::settings::CommandSettings;
@@ -22,7 +22,7 @@ use crate::clock::{Date, Span};
 use crate::config::{Config, Effective};
 use crate::journal::When;
 use crate::service::{ManagerNotifier, RecordFile, Service, View};
-use crate::sim;
+use crate::sim::{self, World};
 use crate::simulation;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
@@ -79,8 +79,13 @@ pub(super) fn run(
     let robot = args.connection.choose(&mut config)?.ok_or_else(no_robot)?;
     let login = args.connection.login.login(settings.load()?)?;
     let simulated = robot.is_simulated();
-    refuse_date_unless(simulated, args.date)?;
-    become_user(&config, simulated)?;
+    let why = "--date needs --sim: a real robot uses today's date";
+    robot.refuse_if_real(args.date.is_some(), why)?;
+    // A service of a simulated robot keeps its user, unless the config names one.
+    let user = config.service.user.as_deref();
+    if !simulated || user.is_some() {
+        drop_root(user, config.data_folder())?;
+    }
     settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let loader = PlanLoader {
@@ -99,19 +104,17 @@ pub(super) fn run(
         ..sim::Options::default()
     };
     if args.fast {
-        return fast(args, &config, robot, loaded, sim_options, console);
+        return fast(
+            args,
+            &config,
+            robot.into_world()?,
+            loaded,
+            sim_options,
+            console,
+        );
     }
     let robot = robot.start(config, sim_options)?;
     in_real_time(args, settings.load()?, robot, loader, loaded, console)
-}
-
-/// A service of a simulated robot keeps its user, unless the config names one.
-fn become_user(config: &Config, simulated: bool) -> Result<(), Failure> {
-    let user = config.service.user.as_deref();
-    if simulated && user.is_none() {
-        return Ok(());
-    }
-    drop_root(user, config.data_folder())
 }
 
 fn in_real_time(
@@ -174,7 +177,7 @@ fn in_real_time(
 fn fast(
     args: &ServeArgs,
     config: &Config,
-    robot: ChosenRobot,
+    world: World,
     loaded: LoadedPlan,
     sim_options: sim::Options,
     console: &Console,
@@ -189,7 +192,7 @@ fn fast(
     let limit = args.limit.map(Span::get);
     let setup = FastSetup {
         config,
-        robot,
+        world,
         options,
         date: args.date,
         events: args.events.as_deref(),

@@ -7,26 +7,10 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 
 use super::{Exit, Failure, print};
-use crate::service::{Unit, unit};
-
-/// Create a systemd unit for `spykee serve`, with its own user and few rights
-///
-/// The unit cannot read home folders, so its program, config and password file must be elsewhere:
-/// /usr/local/bin/spykee, /etc/spykee/spykee.yaml. The service keeps its data in /var/lib/spykee,
-/// so the config should not set another `data:`.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    subcommand_required = true,
-    arg_required_else_help = true,
-    after_help = "Examples:\n  spykee service print\n  sudo spykee service install --password-file /etc/spykee/password"
-)]
-pub(super) struct ServiceArgs {
-    #[command(subcommand)]
-    action: Action,
-}
+use crate::service::unit;
 
 #[derive(Debug, Clone, Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// Print the unit
     Print(UnitArgs),
     /// Write the unit where systemd finds it, and print the next steps
@@ -47,7 +31,7 @@ enum Action {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct UnitArgs {
+pub(super) struct UnitArgs {
     /// Config of the service
     #[arg(long, value_name = "FILE", default_value = "/etc/spykee/spykee.yaml")]
     config: PathBuf,
@@ -67,8 +51,8 @@ struct UnitArgs {
 }
 
 /// Prints or writes the unit.
-pub(super) fn run(args: &ServiceArgs) -> Result<Exit, Failure> {
-    match &args.action {
+pub(super) fn run(action: &Action) -> Result<Exit, Failure> {
+    match action {
         Action::Print(unit) => print(&unit.text()?)?,
         Action::Install { unit, to, force } => install(&unit.text()?, &unit.config, to, *force)?,
     }
@@ -104,12 +88,8 @@ impl UnitArgs {
                 program.display()
             );
         }
-        Ok(unit(&Unit {
-            program: &program,
-            config: &self.config,
-            password: self.password_file.as_deref(),
-            user: self.user.as_deref(),
-        }))
+        let password = self.password_file.as_deref();
+        Ok(unit(&program, &self.config, password, self.user.as_deref()))
     }
 }
 

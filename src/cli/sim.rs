@@ -1,7 +1,7 @@
 //! `spykee sim`: a simulated robot for any Spykee client.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use tokio::time::interval;
@@ -61,7 +61,10 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let args = &args.server;
     let world = load(args.world.as_deref())?;
-    let faults = args.faults.as_deref().map(load_faults).transpose()?;
+    let faults = args.faults.as_deref().map(Fault::load_list).transpose();
+    let faults = faults.map_err(|error| {
+        Failure::usage(error).help("the book's chapter Broken networks lists all faults")
+    })?;
     let options = Options {
         listen: args.listen,
         login: args.login.login(&Effective::default())?,
@@ -71,12 +74,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         ..Options::default()
     };
     block_on(serve(world, options, console))?
-}
-
-fn load_faults(path: &Path) -> Result<Vec<Fault>, Failure> {
-    Fault::load_list(path).map_err(|error| {
-        Failure::usage(error).help("the book's chapter Broken networks lists all faults")
-    })
 }
 
 async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {
@@ -142,7 +139,7 @@ pub(super) struct FirmwareArgs {
     /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the
     /// book's chapter "What is not known of the robot" lists the keys
     #[arg(long, value_name = "FILE.yaml")]
-    firmware: Option<PathBuf>,
+    pub(super) firmware: Option<PathBuf>,
 }
 
 impl FirmwareArgs {
@@ -154,14 +151,5 @@ impl FirmwareArgs {
             Failure::usage(error)
                 .help("the book's chapter What is not known of the robot lists all keys")
         })
-    }
-
-    /// Refuses the flag for a real robot, which has its own firmware.
-    pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
-        if simulated || self.firmware.is_none() {
-            return Ok(());
-        }
-        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
-        Err(failure.help("--sim [WORLD] runs on a simulated robot"))
     }
 }

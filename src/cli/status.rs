@@ -9,15 +9,14 @@ use tokio::time::Instant;
 
 use super::Console;
 use crate::clock::every;
+use crate::control;
+use crate::live::FrameRate;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
-use crate::safety::WatchdogState;
 use crate::sim::{Handle, State};
 
 /// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// Period for measuring the frame rate.
-const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, interval at which the status is written even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
@@ -25,36 +24,23 @@ const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
-    last_count: (Instant, u64),
-    rate: f64,
-    last_reported: Option<(Instant, StatusKey)>,
-}
-
-/// The part of the status whose changes are written to a file.
-#[derive(PartialEq, Eq)]
-struct StatusKey {
-    link: LinkState,
-    safety: WatchdogState,
-    charging: Option<bool>,
-    emergency_stop: bool,
+    rate: FrameRate,
+    last_reported: Option<(Instant, Status)>,
 }
 
 impl StatusLine {
     /// Creates the line for behaviours with these names. With a simulator it shows the robot's true
     /// position; before the first connection it shows the number of failed attempts.
     pub(super) fn new(behaviours: String, sim: Option<Handle>) -> StatusLine {
-        let last_count = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
-            last_count,
-            rate: 0.0,
+            rate: FrameRate::new(Instant::now()),
             last_reported: None,
         }
     }
 
     fn draw(&mut self, status: &Status) -> String {
-        self.count(status.frames);
         let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
         let mut parts = vec![state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
@@ -65,36 +51,27 @@ impl StatusLine {
             parts.extend(lights(&state));
             parts.extend(state.sound.map(|sound| format!("plays {}", sound.name())));
         }
-        parts.push(format!("{:.0} fps", self.rate));
+        let rate = self.rate.count(status.frames, Instant::now());
+        parts.push(format!("{rate} fps"));
         parts.push(self.behaviours.clone());
         parts.join(" · ")
     }
 
     /// The line for a file, if the status has changed or the last line is old.
     fn plain_line(&mut self, status: &Status) -> Option<String> {
-        let charging = status.battery.map(|battery| battery.charging);
-        let key = StatusKey {
-            link: status.link,
-            safety: status.safety,
-            charging,
-            emergency_stop: status.emergency_stop,
+        let charging = |one: &Status| one.battery.map(|battery| battery.charging);
+        let is_news = |(at, last): &(Instant, Status)| {
+            last.link != status.link
+                || last.safety != status.safety
+                || charging(last) != charging(status)
+                || last.emergency_stop != status.emergency_stop
+                || at.elapsed() >= PLAIN_PERIOD
         };
-        let stale =
-            |(at, last): &(Instant, StatusKey)| *last != key || at.elapsed() >= PLAIN_PERIOD;
-        if !self.last_reported.as_ref().is_none_or(stale) {
+        if !self.last_reported.as_ref().is_none_or(is_news) {
             return None;
         }
-        self.last_reported = Some((Instant::now(), key));
+        self.last_reported = Some((Instant::now(), *status));
         Some(self.draw(status))
-    }
-
-    fn count(&mut self, frames: u64) {
-        let (since, before) = self.last_count;
-        let passed = since.elapsed();
-        if passed >= RATE_PERIOD {
-            self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
-            self.last_count = (Instant::now(), frames);
-        }
     }
 }
 
@@ -103,11 +80,7 @@ fn state(status: &Status) -> String {
         (LinkState::Connecting, attempts @ 1..) => {
             format!("waiting for the robot, attempts so far: {attempts}")
         }
-        (link, _) => match link.absence() {
-            Some(words) => words.to_owned(),
-            None if status.emergency_stop => "stopped by a person".to_owned(),
-            None => status.safety.to_string(),
-        },
+        _ => control::describe(status),
     }
 }
 

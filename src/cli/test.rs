@@ -93,28 +93,24 @@ pub(super) fn run(
         firmware: args.firmware.load()?,
         ..RunSettings::default()
     };
-    let stop = settings.stop.clone();
     let pool = JobPool::new(args.jobs, settings, scenario_process);
     // Whether the status line shares the terminal with stdout.
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
     let mut report = Report::new(&test_files, &jobs, pictures);
     let mut trouble = Ok(());
-    pool.run(&jobs, |done: JobResult| {
-        let file = done.job.file.file().display().to_string();
+    let completed = pool.run(&jobs, console, |done: JobResult| {
         report.take(done);
-        console.status(format!("{} · {file}", report.progress()));
         if live && trouble.is_ok() {
             trouble = print(&report.completed_files());
         }
     })?;
     trouble?;
-    console.status("");
     write_report(args, &mut report)?;
-    Ok(match (stop.is_cancelled(), report.has_failed()) {
-        (true, _) => Exit::Interrupted,
-        (false, true) => Exit::Check,
-        (false, false) => Exit::Done,
+    Ok(match (completed, report.has_failed()) {
+        (false, _) => Exit::Interrupted,
+        (true, true) => Exit::Check,
+        (true, false) => Exit::Done,
     })
 }
 

@@ -10,23 +10,10 @@ use qrcode::{EcLevel, QrCode};
 use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, print, print_coloured};
-use crate::http::{Key, Keyring, KeyringError, Role};
-
-/// Create, list and revoke tokens for the page and the JSON API
-///
-/// A token is 256 random bits. It is printed once, on a terminal with a link to the page and the
-/// link's QR code for a phone; the data folder keeps its SHA-256 digest in a private file. Programs
-/// send it as `Authorization: Bearer TOKEN`. Within a second an active run accepts a new token, and
-/// refuses a revoked one.
-#[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee token new phone --role driver")]
-pub(super) struct TokenArgs {
-    #[command(subcommand)]
-    action: Action,
-}
+use crate::http::{AccessError, Key, Keyring, Role};
 
 #[derive(Debug, Clone, Subcommand)]
-enum Action {
+pub(super) enum Action {
     /// Create a token and print it; it is shown only once
     New {
         /// Name of your choice, such as the device or program that uses the token
@@ -44,11 +31,10 @@ enum Action {
     },
 }
 
-/// Runs the subcommand.
-pub(super) fn run(args: &TokenArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
     let config = settings.config()?;
     let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;
-    match &args.action {
+    match action {
         Action::New { name, role } => {
             let token = keys.make(name, *role).map_err(refused)?;
             tracing::info!(
@@ -76,14 +62,14 @@ pub(super) fn run(args: &TokenArgs, settings: &CommandSettings) -> Result<Exit, 
     Ok(Exit::Done)
 }
 
-fn refused(error: KeyringError) -> Failure {
+fn refused(error: AccessError) -> Failure {
     let help = match &error {
-        KeyringError::Broken { .. } => {
+        AccessError::Broken { .. } => {
             "use this command as the user of the service, or remove the file and create new tokens"
         }
-        KeyringError::Write { .. } => "`data:` in the config sets the data folder",
-        KeyringError::Foreign { .. } => "use this command as that user: sudo -u USER spykee token",
-        KeyringError::Refused(_) => "spykee token list",
+        AccessError::Write { .. } => "`data:` in the config sets the data folder",
+        AccessError::Foreign { .. } => "use this command as that user: sudo -u USER spykee token",
+        AccessError::Open(_) | AccessError::Refused(_) => "spykee token list",
     };
     Failure::usage(error).help(help)
 }

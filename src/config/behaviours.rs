@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
@@ -143,22 +143,14 @@ impl<'de> Visitor<'de> for UniqueEntrySeed<'_> {
         let name = entry.name().map_err(M::Error::custom)?;
         let same = |other: &&Entry| other.name().is_ok_and(|other| other == name);
         match self.0.iter().find(same) {
-            Some(other) => Err(M::Error::custom(duplicate_name(
-                &name,
-                &other.file,
-                &entry.file,
+            Some(other) => Err(M::Error::custom(format_args!(
+                "two behaviours are called `{name}` ({} and {}): give one of them another `name:`",
+                other.file.display(),
+                entry.file.display()
             ))),
             None => Ok(entry),
         }
     }
-}
-
-fn duplicate_name(name: &str, first: &Path, second: &Path) -> String {
-    format!(
-        "two behaviours are called `{name}` ({} and {}): give one of them another `name:`",
-        first.display(),
-        second.display()
-    )
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
 use serde_yaml::Value;
 
 use super::{Config, ConfigError};
@@ -33,7 +34,7 @@ const OTHER_PREFIXES: [&str; 5] = [
 ];
 
 /// One value with its key, such as `watchdog.low`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Setting {
     /// Names joined by dots; elements of lists in brackets.
     pub key: String,

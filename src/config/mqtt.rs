@@ -9,12 +9,11 @@ use crate::link::{host_of, is_host_name};
 use crate::robot::whole_within;
 use crate::yaml;
 
-const LONGEST_PREFIX: usize = 64;
 const HOST_EXPECTED: &str =
     "the name or the address of a broker, such as broker.local, without scheme and port";
 
 /// The MQTT broker. MQTT is off without a host.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttOptions")]
 pub struct Mqtt {
@@ -31,45 +30,11 @@ pub struct Mqtt {
     /// Certificates (PEM) of the authorities that sign the broker's certificate; the connection is
     /// encrypted if it is named.
     pub ca_file: Option<PathBuf>,
-    /// The first part of all topics.
-    pub prefix: String,
-    /// The first part of the topics in which Home Assistant looks for devices.
-    pub discovery_prefix: String,
-}
-
-impl Default for Mqtt {
-    fn default() -> Mqtt {
-        Mqtt {
-            host: None,
-            port: None,
-            user: None,
-            password_file: None,
-            ca_file: None,
-            prefix: "spykee".to_owned(),
-            discovery_prefix: "homeassistant".to_owned(),
-        }
-    }
 }
 
 impl Mqtt {
     /// Checks the rules that the types of the fields do not enforce.
-    ///
-    /// # Errors
-    /// What is wrong, in words.
     pub fn check(&self) -> Result<(), String> {
-        for (key, prefix) in [
-            ("prefix", &self.prefix),
-            ("discovery_prefix", &self.discovery_prefix),
-        ] {
-            let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
-            let levels = prefix.split('/').all(|level| !level.is_empty());
-            if !levels || prefix.len() > LONGEST_PREFIX || !prefix.chars().all(plain) {
-                return Err(format!(
-                    "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single \
-                     slashes in between, at most {LONGEST_PREFIX} characters"
-                ));
-            }
-        }
         if self.password_file.is_some() && self.user.is_none() {
             return Err("mqtt.password_file needs mqtt.user".to_owned());
         }
@@ -87,17 +52,11 @@ impl Mqtt {
 }
 
 fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    struct Host(String);
-    impl<'de> Deserialize<'de> for Host {
-        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
-            yaml::parsed_text(from, HOST_EXPECTED, |text| {
-                let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
-                let host = host_of(text).map(|host| Host(host.to_owned()));
-                host.ok_or_else(wrong)
-            })
-        }
-    }
-    Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))
+    let host = yaml::parsed_text(from, HOST_EXPECTED, |text| {
+        let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
+        host_of(text).map(str::to_owned).ok_or_else(wrong)
+    });
+    host.map(Some)
 }
 
 /// What to write instead of a text that is not a host.
@@ -123,14 +82,9 @@ fn host_advice(text: &str) -> String {
 }
 
 fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
-    #[derive(Deserialize)]
-    struct Port(#[serde(deserialize_with = "number")] u16);
-    fn number<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
-        let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
-        // Cannot fail: the number is within the range.
-        Ok(u16::try_from(number).unwrap_or(u16::MAX))
-    }
-    Ok(Option::<Port>::deserialize(from)?.map(|Port(number)| number))
+    let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
+    // Cannot fail: the number is within the range.
+    Ok(u16::try_from(number).ok())
 }
 
 #[cfg(test)]
@@ -145,9 +99,6 @@ mod tests {
     #[test]
     fn the_error_for_an_invalid_value_names_its_key() {
         for (text, words) in [
-            ("{ prefix: 'a/+' }", "mqtt.prefix"),
-            ("{ prefix: '' }", "mqtt.prefix"),
-            ("{ discovery_prefix: 'a//b' }", "mqtt.discovery_prefix"),
             ("{ port: 0 }", "a port"),
             ("{ password_file: a }", "mqtt.user"),
         ] {

@@ -26,15 +26,16 @@ pub struct Remote {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceUrl(String);
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("expected http://HOST:PORT or https://HOST, such as http://10.0.0.7:7788, found `{0}`")]
-pub struct ServiceUrlError(String);
-
 impl FromStr for ServiceUrl {
-    type Err = ServiceUrlError;
+    type Err = String;
 
-    fn from_str(text: &str) -> Result<ServiceUrl, ServiceUrlError> {
-        let wrong = || ServiceUrlError(sanitize::line(text));
+    fn from_str(text: &str) -> Result<ServiceUrl, String> {
+        let wrong = || {
+            format!(
+                "expected http://HOST:PORT or https://HOST, such as http://10.0.0.7:7788, found `{}`",
+                sanitize::line(text)
+            )
+        };
         let url = text.trim_end_matches('/');
         let parsed: Uri = url.parse().map_err(|_| wrong())?;
         let known = matches!(parsed.scheme_str(), Some("http" | "https"));

@@ -133,7 +133,7 @@ impl BehaviourListing {
 }
 
 /// The state of link and watchdog, for people.
-pub(super) fn describe(status: &Status) -> String {
+pub fn describe(status: &Status) -> String {
     let stopped = match (status.emergency_stop, status.stop) {
         (false, _) => None,
         (true, StopConfirmation::NotConfirmed) => Some("stopped by a person, NOT CONFIRMED"),

@@ -15,44 +15,29 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::Options;
-use super::keyring::{Key, Keyring, KeyringError, Role};
-use super::origin_check::{Names, OriginHeaders, Reason};
+use super::keyring::{AccessError, Key, Keyring, Role};
+use super::origin_check::Names;
 use crate::clock::every;
+use crate::rate_limit::Repeats;
 
 /// How often the tokens are read again.
 const REREAD: Duration = Duration::from_secs(1);
 /// Wrong tokens are logged at most this often.
 const WRONG_TOKENS: Duration = Duration::from_secs(60);
 
-/// Why access cannot be set up.
-#[derive(Debug, thiserror::Error)]
-pub enum AccessError {
-    /// Anyone who can reach that address could drive the robot.
-    #[error(
-        "{0} can be reached from elsewhere, but there is no token: `spykee token new NAME` makes one"
-    )]
-    Open(SocketAddr),
-    /// The tokens cannot be read.
-    #[error(transparent)]
-    Tokens(#[from] KeyringError),
-}
-
 /// The host names under which we are reached, and the tokens.
 #[derive(Debug)]
 pub struct Access {
-    names: Names,
+    pub(super) names: Names,
     data: PathBuf,
     keyring: watch::Sender<Keyring>,
-    /// The number of wrong tokens since it was last logged, and the address of the last one.
-    wrong: Mutex<Option<(u64, IpAddr)>>,
+    /// The wrong tokens, which are logged once in a while.
+    wrong: Mutex<Repeats<()>>,
 }
 
 impl Access {
     /// Sets up access according to the options and the tokens of this data folder, for a server on
     /// this address. Blocks on the disk.
-    ///
-    /// # Errors
-    /// See [`AccessError`].
     pub fn new(options: &Options, listen: SocketAddr, data: &Path) -> Result<Access, AccessError> {
         let keyring = Keyring::open(data)?;
         if keyring.is_unused() && !listen.ip().is_loopback() {
@@ -62,7 +47,7 @@ impl Access {
             names: Names::new(listen, &options.hosts),
             data: data.to_owned(),
             keyring: watch::Sender::new(keyring),
-            wrong: Mutex::default(),
+            wrong: Mutex::new(Repeats::new(WRONG_TOKENS)),
         })
     }
 
@@ -71,38 +56,26 @@ impl Access {
         self.keyring.borrow().is_unused()
     }
 
-    /// # Errors
-    /// If the request is not addressed to us, or comes from another site's page.
-    pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
-        self.names.validate(request)
-    }
-
     pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {
         let keyring = self.keyring.borrow();
         if keyring.is_unused() {
-            return Some(Visitor {
-                role: Role::Driver,
-                key: None,
-                user: None,
-            });
+            return Some(Visitor::new(Role::Driver, None));
         }
         let key = keyring.find(token?)?.clone();
-        Some(Visitor {
-            role: key.role,
-            key: Some(key),
-            user: None,
-        })
+        Some(Visitor::new(key.role, Some(key)))
     }
 
-    /// Returns the visitor with this token; `None` for a wrong one, which is counted for the log.
+    /// Returns the visitor with this token; `None` for a wrong one, which is logged.
     pub(super) fn visitor_of_token(&self, token: &str, from: IpAddr) -> Option<Visitor> {
         let visitor = self
             .visitor(Some(token))
             .filter(|visitor| visitor.key.is_some());
         if visitor.is_none() {
             let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-            let count = wrong.map_or(0, |(count, _)| count);
-            *wrong = Some((count.saturating_add(1), from));
+            if let Some(before) = wrong.record((), Instant::now()) {
+                let count = before + 1;
+                tracing::warn!(%from, "{count} requests with a wrong token");
+            }
         }
         visitor
     }
@@ -118,11 +91,10 @@ impl Access {
     }
 
     /// Reads the tokens again and again, so that a new or a revoked one counts within a
-    /// second, and logs wrong ones. Never returns.
+    /// second. Never returns.
     pub async fn follow_tokens(self: Arc<Access>) {
         let mut beat = every(REREAD);
         let mut trouble = None;
-        let mut logged: Option<Instant> = None;
         loop {
             beat.tick().await;
             let access = self.clone();
@@ -137,18 +109,12 @@ impl Access {
                 tracing::error!("{error}: until it can be read, nobody has access to the page");
             }
             trouble = error;
-            if logged.is_none_or(|logged| logged.elapsed() >= WRONG_TOKENS)
-                && let Some((count, from)) = self.take_wrong()
-            {
-                tracing::warn!(%from, "{count} requests with a wrong token");
-                logged = Some(Instant::now());
-            }
         }
     }
 
     /// Reads the tokens again. If that fails, nobody has access. Where a token was needed, one
     /// stays needed even if the file is gone.
-    fn reread(&self) -> Result<(), KeyringError> {
+    fn reread(&self) -> Result<(), AccessError> {
         let read = Keyring::open(&self.data);
         self.keyring.send_if_modified(|keyring| {
             let next = match &read {
@@ -161,17 +127,10 @@ impl Access {
         });
         read.map(drop)
     }
-
-    fn take_wrong(&self) -> Option<(u64, IpAddr)> {
-        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
-        wrong.take()
-    }
 }
 
-/// A visitor with access.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Visitor {
-    /// The visitor's role.
     pub role: Role,
     /// The token used; `None` if none is needed.
     pub key: Option<Key>,
@@ -180,19 +139,23 @@ pub struct Visitor {
 }
 
 impl Visitor {
+    pub(super) fn new(role: Role, key: Option<Key>) -> Visitor {
+        Visitor {
+            role,
+            key,
+            user: None,
+        }
+    }
+
     /// A program of this user on this computer: what it may do to the process it may do here.
     pub(super) fn local(user: u32) -> Visitor {
         Visitor {
-            role: Role::Driver,
-            key: None,
             user: Some(user),
+            ..Visitor::new(Role::Driver, None)
         }
     }
 
     /// Whether the visitor may do what needs this role.
-    ///
-    /// # Errors
-    /// The refusal.
     pub fn require(&self, role: Role) -> Result<(), Refusal> {
         if role == Role::Driver && self.role != Role::Driver {
             let why = "viewers may only watch and stop the robot";
@@ -237,7 +200,6 @@ pub struct Refusal {
 }
 
 impl Refusal {
-    /// Creates a refusal with a sentence for people.
     pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
         Refusal {
             status,

@@ -26,17 +26,11 @@ enum Lane {
     Stop,
 }
 
-/// Whose a connection is: that of a token, else that of an address.
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum Owner {
-    Address(IpAddr),
-    Token(String),
-}
-
 #[derive(Debug)]
 struct Connection {
     lane: Lane,
-    owner: Owner,
+    /// Whose it is: that of a token, else that of an address.
+    owner: String,
     closed: CancellationToken,
 }
 
@@ -59,7 +53,7 @@ impl Connections {
         let mut open = self.lock();
         open.insert(id, connection);
         let rivals = || open.iter().filter(|(_, one)| one.lane == lane);
-        let count = |owner: &Owner| rivals().filter(|(_, one)| one.owner == *owner).count();
+        let count = |owner: &str| rivals().filter(|(_, one)| one.owner == *owner).count();
         let oldest_of_most = rivals()
             .map(|(id, one)| (count(&one.owner), Reverse(*id)))
             .max();
@@ -88,7 +82,7 @@ impl Place {
         let closed = CancellationToken::new();
         let id = connections.enter(Connection {
             lane: Lane::Unknown,
-            owner: Owner::Address(address),
+            owner: address.to_string(),
             closed: closed.clone(),
         });
         Place {
@@ -101,10 +95,10 @@ impl Place {
 
     /// Moves it to the lane of its request.
     pub(super) fn identify(&self, visitor: &Visitor, stops: bool) {
-        let key = visitor.key.as_ref();
-        let owner = key.map_or(Owner::Address(self.address), |key| {
-            Owner::Token(key.name.clone())
-        });
+        let owner = match &visitor.key {
+            Some(key) => format!("token {}", key.name),
+            None => self.address.to_string(),
+        };
         let lane = if stops {
             Lane::Stop
         } else {
@@ -148,11 +142,7 @@ mod tests {
     }
 
     fn visitor(role: Role) -> Visitor {
-        Visitor {
-            role,
-            key: None,
-            user: None,
-        }
+        Visitor::new(role, None)
     }
 
     fn open(places: &[Place]) -> usize {

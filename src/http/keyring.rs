@@ -3,6 +3,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +52,6 @@ pub enum Role {
 }
 
 impl Role {
-    /// Returns the name of the role.
     pub fn name(self) -> &'static str {
         match self {
             Role::Viewer => "viewer",
@@ -60,13 +60,10 @@ impl Role {
     }
 }
 
-/// A known token.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
-    /// The name given by its owner.
     pub name: String,
-    /// The role that it grants.
     pub role: Role,
     digest: Digest,
 }
@@ -105,37 +102,27 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
-/// Why tokens cannot be read or changed.
+/// Why access cannot be set up, or tokens cannot be read or changed.
 #[derive(Debug, thiserror::Error)]
-pub enum KeyringError {
+pub enum AccessError {
+    /// Anyone who can reach that address could drive the robot.
+    #[error(
+        "{0} can be reached from elsewhere, but there is no token: `spykee token new NAME` makes one"
+    )]
+    Open(SocketAddr),
     /// The file exists, or may exist, but is unusable; no token is accepted.
     #[error("cannot use the tokens in {path}: {why}")]
-    Broken {
-        /// The file.
-        path: String,
-        /// Why.
-        why: String,
-    },
-    /// The file cannot be written.
+    Broken { path: String, why: String },
     #[error("cannot write the tokens to {path}: {source}")]
-    Write {
-        /// The file.
-        path: String,
-        /// The error of the system.
-        source: io::Error,
-    },
+    Write { path: String, source: io::Error },
     /// The data folder belongs to somebody else, who could not read the file.
     #[error("the data folder {path} belongs to another user, who could not read these tokens")]
-    Foreign {
-        /// The folder.
-        path: String,
-    },
+    Foreign { path: String },
     /// A name that is taken, empty or too long, or too many tokens.
     #[error("{0}")]
     Refused(String),
 }
 
-/// The tokens of a data folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Keyring {
     data: PathBuf,
@@ -147,10 +134,10 @@ impl Keyring {
     /// Reads the tokens; only if there is certainly no file, there are none. Blocks on the disk.
     ///
     /// # Errors
-    /// [`KeyringError::Broken`], also if other users can read or write the file.
-    pub fn open(data: &Path) -> Result<Keyring, KeyringError> {
+    /// [`AccessError::Broken`], also if other users can read or write the file.
+    pub fn open(data: &Path) -> Result<Keyring, AccessError> {
         let path = data.join(FOLDER).join(FILE);
-        let broken = |why: String| KeyringError::Broken {
+        let broken = |why: String| AccessError::Broken {
             path: path.display().to_string(),
             why,
         };
@@ -176,11 +163,8 @@ impl Keyring {
     }
 
     /// Creates a token and stores its digest. The token itself is only returned here.
-    ///
-    /// # Errors
-    /// See [`KeyringError`].
-    pub fn make(&mut self, name: &str, role: Role) -> Result<String, KeyringError> {
-        let refused = |why: String| Err(KeyringError::Refused(why));
+    pub fn make(&mut self, name: &str, role: Role) -> Result<String, AccessError> {
+        let refused = |why: String| Err(AccessError::Refused(why));
         if name.is_empty()
             || name.chars().count() > LONGEST_NAME
             || name.chars().any(char::is_control)
@@ -205,10 +189,7 @@ impl Keyring {
     }
 
     /// Removes a token. Returns whether there was one of this name.
-    ///
-    /// # Errors
-    /// [`KeyringError::Write`], [`KeyringError::Foreign`].
-    pub fn revoke(&mut self, name: &str) -> Result<bool, KeyringError> {
+    pub fn revoke(&mut self, name: &str) -> Result<bool, AccessError> {
         let before = self.list().len();
         if let Some(keys) = &mut self.keys {
             keys.retain(|key| key.name != name);
@@ -219,7 +200,6 @@ impl Keyring {
         self.write().map(|()| true)
     }
 
-    /// Lists the tokens.
     pub fn list(&self) -> &[Key] {
         self.keys.as_deref().unwrap_or_default()
     }
@@ -235,18 +215,18 @@ impl Keyring {
         self.keys.is_none()
     }
 
-    fn write(&self) -> Result<(), KeyringError> {
+    fn write(&self) -> Result<(), AccessError> {
         let owner = self.data.metadata().map(|folder| folder.uid());
         if owner.is_ok_and(|owner| owner != rustix::process::geteuid().as_raw()) {
             let path = self.data.display().to_string();
-            return Err(KeyringError::Foreign { path });
+            return Err(AccessError::Foreign { path });
         }
         let folder = self.data.join(FOLDER);
         let write = || {
             let bytes = serde_json::to_vec_pretty(self.list())?;
             Folder::make(&folder)?.replace_durably(FILE, &bytes)
         };
-        write().map_err(|source| KeyringError::Write {
+        write().map_err(|source| AccessError::Write {
             path: folder.join(FILE).display().to_string(),
             source,
         })

@@ -36,20 +36,14 @@ const STOP: &str = "/api/stop";
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
                       form-action 'self'; frame-ancestors 'none'";
-const HEADERS: [(HeaderName, &str); 6] = [
-    (header::CONTENT_SECURITY_POLICY, POLICY),
-    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    (header::REFERRER_POLICY, "no-referrer"),
+const HEADERS: [(&str, &str); 6] = [
+    ("content-security-policy", POLICY),
+    ("x-content-type-options", "nosniff"),
+    ("referrer-policy", "no-referrer"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cross-origin-resource-policy", "same-origin"),
     (
-        HeaderName::from_static("cross-origin-opener-policy"),
-        "same-origin",
-    ),
-    (
-        HeaderName::from_static("cross-origin-resource-policy"),
-        "same-origin",
-    ),
-    (
-        HeaderName::from_static("permissions-policy"),
+        "permissions-policy",
         "camera=(), microphone=(), geolocation=(), gamepad=(self)",
     ),
 ];
@@ -73,11 +67,11 @@ pub async fn guard_request(
 
 /// Middleware of the private socket, which only programs of the same user can open.
 pub(super) async fn admit_local(
-    Extension(LocalUser(user)): Extension<LocalUser>,
+    Extension(visitor): Extension<Visitor>,
     mut request: Request,
     next: Next,
 ) -> Response {
-    identify(&mut request, Some(Visitor::local(user)));
+    identify(&mut request, Some(visitor));
     next.run(request.map(with_body_timeout)).await
 }
 
@@ -90,10 +84,6 @@ fn identify(request: &mut Request, visitor: Option<Visitor>) {
     }
     request.extensions_mut().insert(Identity(visitor));
 }
-
-/// The user ID of the other end of the private socket.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LocalUser(pub(super) u32);
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
 /// all others.
@@ -128,6 +118,7 @@ fn admit(
         changes_state: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
     access
+        .names
         .validate(origin_headers)
         .map_err(|reason| match reason {
             Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),

@@ -43,8 +43,6 @@ impl Names {
         Names { listen, more }
     }
 
-    /// # Errors
-    /// See [`Reason`].
     pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
         let host = request.host.ok_or(Reason::Host)?.to_ascii_lowercase();
         if !self.is_ours(&host) {

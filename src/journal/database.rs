@@ -61,7 +61,7 @@ impl Database {
         }
         create_file(&private).map_err(failed)?;
         let mut connection = connect(&path).map_err(failed)??;
-        schema::migrate(&mut connection)?;
+        schema::migrate(schema::STEPS, &mut connection)?;
         let pages = options.max_mib.saturating_mul(1 << 20) / page_size(&connection)?;
         let most = u32::try_from(pages + pages / 4 + 256).unwrap_or(u32::MAX);
         // A hard limit, in case the periodic clean-up is too late.

@@ -53,13 +53,6 @@ impl Record {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kinds {
-    /// All except battery levels.
-    All,
-    Of(&'static [&'static str]),
-}
-
 /// The period, both ends included, and the robot to read.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Span {
@@ -113,7 +106,7 @@ impl JournalReader {
             let known = schema::VERSION;
             return Err(JournalError::Newer { found, known });
         }
-        schema::validate(&connection, found)?;
+        schema::validate(schema::STEPS, &connection, found)?;
         // Version 0: created, but not written yet.
         if found == 0 {
             return Ok(None);
@@ -121,8 +114,8 @@ impl JournalReader {
         Ok(Some(JournalReader(connection)))
     }
 
-    /// Returns events of these kinds, in the order in which they happened.
-    pub fn records(&self, kinds: &Kinds, span: &Span) -> Result<Vec<Record>, JournalError> {
+    /// Returns events of these kinds, or of all if none is named, in the order in which they happened.
+    pub fn records(&self, kinds: &[&str], span: &Span) -> Result<Vec<Record>, JournalError> {
         let mut records = Vec::new();
         let newest = format!("DESC LIMIT {}", span.limit());
         self.visit_ordered(kinds, span, &newest, |record| records.push(record))?;
@@ -134,7 +127,7 @@ impl JournalReader {
     /// period, however many.
     pub fn visit(
         &self,
-        kinds: &Kinds,
+        kinds: &[&str],
         span: &Span,
         each: impl FnMut(Record),
     ) -> Result<(), JournalError> {
@@ -143,13 +136,13 @@ impl JournalReader {
 
     fn visit_ordered(
         &self,
-        kinds: &Kinds,
+        kinds: &[&str],
         span: &Span,
         order: &str,
         each: impl FnMut(Record),
     ) -> Result<(), JournalError> {
         let (mut conditions, mut values) = span.conditions();
-        if let Kinds::Of(kinds) = kinds {
+        if !kinds.is_empty() {
             let marks = vec!["?"; kinds.len()].join(", ");
             conditions.push(format!("kind IN ({marks})"));
             values.extend(kinds.iter().map(|kind| (*kind).to_owned().into()));

@@ -17,7 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::robot::whole_within;
 
 pub use database::{folder, journal_file};
-pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
+pub use history::{JournalReader, LevelRange, Record, Span};
 pub use recorder::{Journal, SimulationJournal};
 
 /// What the journal keeps, and for how long.
@@ -75,7 +75,6 @@ fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
 /// Bytes of the disk that must stay free: below that nothing is written.
 const FREE: u64 = 16 << 20;
 
-/// Why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
     #[error("{path}: {source}")]

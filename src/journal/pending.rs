@@ -143,17 +143,20 @@ impl Content {
         }
         let kind = what.kind();
         // Serialisation cannot fail: all keys of an event are strings.
-        let data =
-            serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
-        let data = if data.len() > LONGEST {
-            json!({ "event": kind, "too_long": data.len() }).to_string()
-        } else {
-            data
+        let event = serde_json::to_value(what).unwrap_or_else(|_| json!({ "event": kind }));
+        let by = match what {
+            AgentEvent::Dock { .. } | AgentEvent::Undock { .. } => &event["by"],
+            _ => &event["behaviour"],
         };
+        let text = event.to_string();
         Content::Event {
             kind,
-            behaviour: behaviour(what).map(str::to_owned),
-            data,
+            behaviour: by.as_str().map(str::to_owned),
+            data: if text.len() > LONGEST {
+                json!({ "event": kind, "too_long": text.len() }).to_string()
+            } else {
+                text
+            },
         }
     }
 
@@ -164,22 +167,6 @@ impl Content {
             behaviour: None,
             data: data.to_string(),
         }
-    }
-}
-
-fn behaviour(what: &AgentEvent) -> Option<&str> {
-    use AgentEvent::{Dock, Ended, Entry, GivenUp, Notify, Picture, StartMissed, Started, Undock};
-    match what {
-        Dock { by, .. } => by.as_deref(),
-        Undock { by, .. } => Some(by),
-        Started { behaviour }
-        | Ended { behaviour, .. }
-        | GivenUp { behaviour, .. }
-        | StartMissed { behaviour, .. }
-        | Picture { behaviour, .. }
-        | Entry { behaviour, .. }
-        | Notify { behaviour, .. } => Some(behaviour),
-        _ => None,
     }
 }
 

@@ -6,7 +6,7 @@ use rusqlite::{Connection, TransactionBehavior};
 use super::JournalError;
 
 /// One migration step for each version, never changed once it is released.
-const STEPS: &[&str] = &[
+pub(super) const STEPS: &[&str] = &[
     "
     CREATE TABLE session (
         id INTEGER PRIMARY KEY,
@@ -69,11 +69,7 @@ fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> 
 
 /// Checks that a file has exactly the objects that this program creates in this version. A foreign
 /// view or trigger could run endlessly whenever the file is read or written.
-pub(super) fn validate(connection: &Connection, version: usize) -> Result<(), JournalError> {
-    validate_by(STEPS, connection, version)
-}
-
-fn validate_by(
+pub(super) fn validate(
     steps: &[&str],
     connection: &Connection,
     version: usize,
@@ -91,11 +87,7 @@ fn validate_by(
 
 /// Migrates a file, including an empty one, to this program's version: applies all missing steps,
 /// or none.
-pub(super) fn migrate(connection: &mut Connection) -> Result<(), JournalError> {
-    migrate_by(STEPS, connection)
-}
-
-fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), JournalError> {
+pub(super) fn migrate(steps: &[&str], connection: &mut Connection) -> Result<(), JournalError> {
     let immediate = TransactionBehavior::Immediate;
     let transaction = connection.transaction_with_behavior(immediate)?;
     let found = version(&transaction)?;
@@ -105,7 +97,7 @@ fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), Journal
             known: steps.len(),
         });
     }
-    validate_by(steps, &transaction, found)?;
+    validate(steps, &transaction, found)?;
     for step in &steps[found..] {
         transaction.execute_batch(step)?;
     }
@@ -120,12 +112,12 @@ mod tests {
     #[test]
     fn an_older_file_gets_the_missing_steps_and_keeps_its_data() {
         let mut connection = Connection::open_in_memory().unwrap();
-        migrate(&mut connection).unwrap();
+        migrate(STEPS, &mut connection).unwrap();
         let add = "INSERT INTO battery VALUES (1, 1, NULL, 50, 0)";
         connection.execute(add, []).unwrap();
-        migrate(&mut connection).unwrap();
+        migrate(STEPS, &mut connection).unwrap();
         let longer = [STEPS, &["ALTER TABLE battery ADD COLUMN volts REAL"]].concat();
-        migrate_by(&longer, &mut connection).unwrap();
+        migrate(&longer, &mut connection).unwrap();
         assert_eq!(version(&connection).unwrap(), VERSION + 1);
         let read = "SELECT percent FROM battery WHERE volts IS NULL";
         let percent: i64 = connection.query_row(read, [], |row| row.get(0)).unwrap();
@@ -136,9 +128,9 @@ mod tests {
     fn a_step_that_fails_leaves_the_file_as_it_was() {
         let mut connection = Connection::open_in_memory().unwrap();
         let broken = ["CREATE TABLE a (x); CREATE TABLE b (y", "no SQL"];
-        assert!(migrate_by(&broken, &mut connection).is_err());
+        assert!(migrate(&broken, &mut connection).is_err());
         assert_eq!(version(&connection).unwrap(), 0);
-        migrate(&mut connection).unwrap();
+        migrate(STEPS, &mut connection).unwrap();
     }
 
     #[test]
@@ -152,14 +144,17 @@ mod tests {
             "DROP INDEX event_at",
         ] {
             let mut connection = Connection::open_in_memory().unwrap();
-            migrate(&mut connection).unwrap();
-            validate(&connection, VERSION).unwrap();
+            migrate(STEPS, &mut connection).unwrap();
+            validate(STEPS, &connection, VERSION).unwrap();
             connection.execute_batch(foreign).unwrap();
             assert!(
-                matches!(validate(&connection, VERSION), Err(JournalError::Foreign)),
+                matches!(
+                    validate(STEPS, &connection, VERSION),
+                    Err(JournalError::Foreign)
+                ),
                 "{foreign}"
             );
-            assert!(migrate(&mut connection).is_err(), "{foreign}");
+            assert!(migrate(STEPS, &mut connection).is_err(), "{foreign}");
         }
     }
 
@@ -167,7 +162,7 @@ mod tests {
     fn a_newer_file_is_refused_with_an_explanation() {
         let mut connection = Connection::open_in_memory().unwrap();
         connection.pragma_update(None, "user_version", 99).unwrap();
-        let error = migrate(&mut connection).unwrap_err();
+        let error = migrate(STEPS, &mut connection).unwrap_err();
         assert!(error.to_string().contains("a newer spykee"), "{error}");
     }
 }

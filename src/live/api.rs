@@ -10,8 +10,8 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get};
 use axum::{Json, Router};
 use jiff::Timestamp;
+use schemars::JsonSchema;
 use schemars::generate::{SchemaGenerator, SchemaSettings};
-use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -39,25 +39,21 @@ struct Health {
     ready: bool,
 }
 
-/// What a path gives.
-enum Gives {
-    Json(fn(&mut SchemaGenerator) -> Schema),
-    Kind(&'static str),
-}
-
 /// One path of the interface.
 struct Get {
     path: &'static str,
     summary: &'static str,
     /// Whether the visitor must be known.
     private: bool,
-    gives: Gives,
+    /// What it gives, by content type.
+    content: fn(&mut SchemaGenerator) -> Value,
     /// Without one, it is served with the login.
     handler: Option<MethodRouter<Arc<Broadcast>>>,
 }
 
-fn schema_of<T: JsonSchema>() -> Gives {
-    Gives::Json(SchemaGenerator::subschema_for::<T>)
+fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
+    let schema = Value::from(generator.subschema_for::<T>());
+    json!({ "application/json": { "schema": schema } })
 }
 
 impl Get {
@@ -65,14 +61,14 @@ impl Get {
     fn new(
         path: &'static str,
         summary: &'static str,
-        gives: Gives,
+        content: fn(&mut SchemaGenerator) -> Value,
         handler: MethodRouter<Arc<Broadcast>>,
     ) -> Get {
         Get {
             path,
             summary,
             private: true,
-            gives,
+            content,
             handler: Some(handler),
         }
     }
@@ -83,47 +79,46 @@ fn gets() -> [Get; 7] {
     let health = "Whether the program and the robot are up.";
     let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
                  with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
-    let open_metrics = Gives::Kind("application/openmetrics-text");
     [
         Get {
             private: false,
-            ..Get::new("/healthz", health, schema_of::<Health>(), get(healthz))
+            ..Get::new("/healthz", health, schema_of::<Health>, get(healthz))
         },
         Get {
             path: "/api/me",
             summary: "Role of the caller.",
             private: false,
-            gives: schema_of::<Me>(),
+            content: schema_of::<Me>,
             handler: None,
         },
         Get::new(
             "/metrics",
             "Metrics for Prometheus.",
-            open_metrics,
+            |_| json!({ "application/openmetrics-text": {} }),
             get(metrics),
         ),
         Get::new(
             "/api/behaviours/{name}/script",
             "The text of a behaviour's script.",
-            schema_of::<Text>(),
+            schema_of::<Text>,
             get(script),
         ),
         Get::new(
             "/api/behaviours/{name}/pictures/{file}",
             "A picture that a behaviour has saved.",
-            Gives::Kind("image/jpeg"),
+            |_| json!({ "image/jpeg": {} }),
             get(saved_picture),
         ),
         Get::new(
             "/api/history",
             parts,
-            schema_of::<Option<History>>(),
+            schema_of::<Option<History>>,
             get(history),
         ),
         Get::new(
             "/api/schedule",
             "The next starts of a service's timetable; null without one.",
-            schema_of::<Option<Vec<history::ScheduledStart>>>(),
+            schema_of::<Option<Vec<history::ScheduledStart>>>,
             get(schedule),
         ),
     ]
@@ -156,7 +151,7 @@ async fn healthz(State(broadcast): Shared) -> Response {
 async fn metrics(State(broadcast): Shared, _: Visitor) -> impl IntoResponse {
     let text = broadcast.metrics.text(
         &broadcast.run,
-        broadcast.viewer_count(),
+        broadcast.lock_viewers().open.len(),
         broadcast.camera.bytes.load(Ordering::Relaxed),
     );
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -261,27 +256,22 @@ fn openapi() -> Value {
     let mut generator = settings.into_generator();
     let mut paths = control::paths(&mut generator);
     for get in gets() {
-        let content = match get.gives {
-            Gives::Json(schema) => {
-                let schema = Value::from(schema(&mut generator));
-                json!({ "application/json": { "schema": schema } })
-            }
-            Gives::Kind(kind) => json!({ kind: {} }),
-        };
+        let content = (get.content)(&mut generator);
         let role = if get.private {
             Some(Role::Viewer)
         } else {
             None
         };
         let mut operation = control::described(&get.summary.into(), role, content);
-        let parts = ["name", "file"].into_iter();
-        let parameters: Vec<Value> = parts
-            .filter(|part| get.path.contains(&format!("{{{part}}}")))
-            .map(|part| {
+        let mut parameters = Vec::new();
+        for part in ["name", "file"] {
+            if get.path.contains(&format!("{{{part}}}")) {
                 let schema = json!({ "type": "string" });
-                json!({ "name": part, "in": "path", "required": true, "schema": schema })
-            })
-            .collect();
+                parameters.push(json!({
+                    "name": part, "in": "path", "required": true, "schema": schema,
+                }));
+            }
+        }
         if !parameters.is_empty() {
             operation["parameters"] = parameters.into();
         }

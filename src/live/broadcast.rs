@@ -66,15 +66,15 @@ pub(super) struct Person {
 
 /// Counts frames per second.
 #[derive(Debug)]
-struct Rate {
+pub struct FrameRate {
     since: Instant,
     frames: u64,
     rate: u32,
 }
 
-impl Rate {
-    fn new(now: Instant) -> Rate {
-        Rate {
+impl FrameRate {
+    pub fn new(now: Instant) -> FrameRate {
+        FrameRate {
             since: now,
             frames: 0,
             rate: 0,
@@ -82,7 +82,7 @@ impl Rate {
     }
 
     /// The rate, given the number of frames so far.
-    fn count(&mut self, frames: u64, now: Instant) -> u32 {
+    pub fn count(&mut self, frames: u64, now: Instant) -> u32 {
         let passed = now.saturating_duration_since(self.since);
         if passed >= RATE {
             let new = frames.saturating_sub(self.frames);
@@ -131,7 +131,6 @@ impl Broadcast {
         access: Arc<Access>,
     ) -> Arc<Broadcast> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
-        let metrics = Metrics::new(run.reactions.clone());
         Arc::new(Broadcast {
             run,
             definition,
@@ -140,7 +139,7 @@ impl Broadcast {
             reading: Semaphore::new(READERS),
             camera: Camera::default(),
             log_buffer: LogBuffer::new(),
-            metrics,
+            metrics: Metrics::default(),
             found: broadcast::Sender::new(FOUND),
             state: empty(),
             map: empty(),
@@ -155,10 +154,6 @@ impl Broadcast {
     /// Locks the viewers; only for short lookups.
     pub(super) fn lock_viewers(&self) -> MutexGuard<'_, ViewerList> {
         self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(super) fn viewer_count(&self) -> usize {
-        self.lock_viewers().open.len()
     }
 
     /// Whenever STOP holds, also one of an earlier program, holds the tracks and takes the drive
@@ -248,7 +243,7 @@ impl Broadcast {
     }
 
     async fn publish_state(&self) {
-        let mut rate = Rate::new(self.now());
+        let mut rate = FrameRate::new(self.now());
         let mut ticker = every(STATE_POLL);
         loop {
             ticker.tick().await;
@@ -312,7 +307,7 @@ impl Broadcast {
         running.map(named).collect()
     }
 
-    fn state(&self, rate: &mut Rate, now: Instant) -> State {
+    fn state(&self, rate: &mut FrameRate, now: Instant) -> State {
         let running = RunningBehaviours {
             robot: self.robot.borrow().clone(),
             behaviours: self.running_behaviours(),
@@ -348,33 +343,22 @@ const MAX_POINTS: usize = 600;
 /// Interval at which an unchanged level is recorded.
 const EVERY: Duration = Duration::from_secs(30);
 
-#[derive(Debug, Clone, Copy)]
-struct Point {
-    at: Instant,
-    percent: Option<u8>,
-    charging: bool,
-}
-
-/// Battery levels for the plot: bounded in size, coarser for older values.
+/// Battery levels for the plot, with their times: bounded in number, fewer of older ones.
 #[derive(Debug, Default)]
-pub(super) struct BatteryHistory(VecDeque<Point>);
+pub(super) struct BatteryHistory(VecDeque<(Instant, Battery)>);
 
 impl BatteryHistory {
     /// Records a level if it has changed or the last record is old. Returns whether it was
     /// recorded.
     pub(super) fn record(&mut self, battery: Battery, at: Instant) -> bool {
-        let percent = battery.percent.map(Percent::get);
-        let charging = battery.charging;
-        let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
-        let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
-        if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
+        let is_same = |(last_at, last): &(Instant, Battery)| {
+            (last.percent, last.charging) == (battery.percent, battery.charging)
+                && at.saturating_duration_since(*last_at) < EVERY
+        };
+        if self.0.back().is_some_and(is_same) {
             return false;
         }
-        self.0.push_back(Point {
-            at,
-            percent,
-            charging,
-        });
+        self.0.push_back((at, battery));
         if self.0.len() > MAX_POINTS {
             let mut index = 0;
             self.0.retain(|_| {
@@ -387,11 +371,11 @@ impl BatteryHistory {
 
     /// Returns seconds before now, percent if it is known, charging; oldest first.
     pub(super) fn points(&self, now: Instant) -> Vec<(f32, Option<u8>, bool)> {
-        let ago = |at| now.saturating_duration_since(at).as_secs_f32();
-        self.0
-            .iter()
-            .map(|point| (ago(point.at), point.percent, point.charging))
-            .collect()
+        let point = |(at, battery): &(Instant, Battery)| {
+            let ago = now.saturating_duration_since(*at).as_secs_f32();
+            (ago, battery.percent.map(Percent::get), battery.charging)
+        };
+        self.0.iter().map(point).collect()
     }
 }
 

@@ -12,15 +12,15 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use bytes::{BufMut as _, Bytes, BytesMut};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
-use serde::Deserialize;
+use serde_json::Value;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
 use super::broadcast::{Broadcast, text};
 use super::log::Line;
-use super::messages::{FromPage, Hello, ToPage, Watch};
-use super::viewer::{DriveLockError, Viewer};
+use super::messages::{FromPage, ToPage, Watch};
+use super::viewer::Viewer;
 use super::world;
 use crate::clock::every;
 use crate::control::RunRequest;
@@ -51,13 +51,6 @@ const MAX_LINES: usize = 100;
 
 type Sink = SplitSink<WebSocket, Message>;
 
-struct Queues {
-    watch: watch::Sender<Watch>,
-    /// Number of frames taken.
-    taken: watch::Sender<u32>,
-    messages: mpsc::Sender<Utf8Bytes>,
-}
-
 /// Serves a page until it is closed, or its token is revoked.
 pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     let (sink, mut stream) = socket.split();
@@ -65,13 +58,13 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     let (taken, frames_taken) = watch::channel(0);
     let (messages, outgoing) = mpsc::channel(MAX_WAITING);
     let broadcast = viewer.broadcast().clone();
-    let hello = ToPage::Hello(Hello {
+    let hello = ToPage::Hello {
         version: env!("CARGO_PKG_VERSION"),
         you: viewer.id,
         role: viewer.visitor.role,
         world: broadcast.run.sim.is_some(),
         camera: broadcast.run.streams.usage(Stream::Video) != Use::Off,
-    });
+    };
     let access = broadcast.access.clone();
     let visitor = viewer.visitor.clone();
     let revoked = access.revoked(&visitor);
@@ -83,16 +76,17 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         taken: frames_taken,
         outgoing,
         sent: 0,
+        map: None,
+        log: None,
+        found: None,
     };
     let hello = text(&hello);
     let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
     let mut reader = Reader {
         viewer,
-        queues: Queues {
-            watch,
-            taken,
-            messages,
-        },
+        watch,
+        taken,
+        messages,
         commands: Vec::new(),
         driving: None,
         rate: TokenBucket::new(MAX_MESSAGES, MAX_MESSAGES),
@@ -102,7 +96,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
             biased;
             () = &mut revoked => return,
             () = evicted.cancelled() => {
-                reader.notice("evicted", String::new());
+                reader.notice("evicted");
                 sleep(NOTICE_TIME).await;
                 return;
             }
@@ -119,15 +113,13 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     }
 }
 
-#[derive(Deserialize)]
-struct Numbered {
-    id: u32,
-}
-
 /// Handles the messages of a page. Dropping it releases the drive lock.
 struct Reader {
     viewer: Viewer,
-    queues: Queues,
+    watch: watch::Sender<Watch>,
+    /// Number of frames taken.
+    taken: watch::Sender<u32>,
+    messages: mpsc::Sender<Utf8Bytes>,
     commands: Vec<AbortOnDropHandle<()>>,
     driving: Option<AbortOnDropHandle<()>>,
     rate: TokenBucket,
@@ -139,26 +131,28 @@ impl Reader {
             Ok(message) => message,
             Err(error) => {
                 tracing::debug!("a page sent an invalid message: {error}");
-                return match serde_json::from_str(text) {
-                    Ok(Numbered { id }) => self.answer(id, false, error.to_string()),
-                    Err(_) => self.notice("nonsense", String::new()),
+                let number = serde_json::from_str::<Value>(text).ok();
+                let number = number.and_then(|message| message["id"].as_u64()?.try_into().ok());
+                return match number {
+                    Some(id) => self.answer(id, false, error.to_string()),
+                    None => self.notice("nonsense"),
                 };
             }
         };
         match message {
             FromPage::Watch(watch) => {
-                self.queues.watch.send_replace(watch);
+                self.watch.send_replace(watch);
             }
-            FromPage::FrameShown => self
-                .queues
-                .taken
-                .send_modify(|taken| *taken = taken.wrapping_add(1)),
+            FromPage::FrameShown => {
+                self.taken
+                    .send_modify(|taken| *taken = taken.wrapping_add(1));
+            }
             FromPage::Name { name } => self.viewer.rename(&name),
             FromPage::Stop => self.stop_or_reset(RunRequest::Stop),
             FromPage::ResetStop if self.viewer.visitor.role == Role::Driver => {
                 self.stop_or_reset(RunRequest::ResetStop);
             }
-            FromPage::ResetStop => self.notice("viewer_only", String::new()),
+            FromPage::ResetStop => self.notice("viewer_only"),
             FromPage::DriveLock { take: true } => self.take_drive_lock(),
             FromPage::DriveLock { take: false } => self.release_drive_lock(),
             FromPage::Drive { left, right } => self.drive(left, right),
@@ -179,10 +173,7 @@ impl Reader {
                 self.driving = Some(AbortOnDropHandle::new(tokio::spawn(driving)));
             }
             Ok(None) => {}
-            Err(DriveLockError::Viewer) => self.notice("viewer_only", String::new()),
-            Err(DriveLockError::NotRealTime) => self.notice("drive_not_real_time", String::new()),
-            Err(DriveLockError::Stopped) => self.notice("drive_stopped", String::new()),
-            Err(DriveLockError::Taken(name)) => self.notice("drive_taken", name),
+            Err(notice) => self.send(&notice),
         }
     }
 
@@ -210,7 +201,7 @@ impl Reader {
         }
         let by = self.viewer.visitor.describe("the page");
         let run = self.viewer.broadcast().run.clone();
-        let messages = self.queues.messages.clone();
+        let messages = self.messages.clone();
         let doing = tokio::spawn(async move {
             let answer = run.perform(command, &by).await;
             let error = answer.error();
@@ -224,17 +215,18 @@ impl Reader {
         self.commands.push(AbortOnDropHandle::new(doing));
     }
 
-    /// Answers a command; dropped if the page does not read its answers.
-    fn answer(&self, id: u32, ok: bool, why: String) {
-        let answer = text(&ToPage::Answer { id, ok, text: why });
-        let _ = self.queues.messages.try_send(answer);
+    fn answer(&self, id: u32, ok: bool, text: String) {
+        self.send(&ToPage::Answer { id, ok, text });
     }
 
-    fn notice(&self, key: &'static str, name: String) {
-        let _ = self
-            .queues
-            .messages
-            .try_send(text(&ToPage::Notice { key, name }));
+    fn notice(&self, key: &'static str) {
+        let name = String::new();
+        self.send(&ToPage::Notice { key, name });
+    }
+
+    /// Sends a message to this page; dropped if the page does not read its messages.
+    fn send(&self, message: &ToPage<'_>) {
+        let _ = self.messages.try_send(text(message));
     }
 }
 
@@ -245,10 +237,6 @@ struct Writer {
     outgoing: mpsc::Receiver<Utf8Bytes>,
     /// Number of frames sent.
     sent: u32,
-}
-
-#[derive(Default)]
-struct Feeds {
     map: Option<watch::Receiver<Utf8Bytes>>,
     log: Option<broadcast::Receiver<Line>>,
     found: Option<broadcast::Receiver<Utf8Bytes>>,
@@ -275,7 +263,6 @@ impl Writer {
         behaviours.mark_changed();
         let mut frames = broadcast.camera.newest.subscribe();
         let mut camera = None;
-        let mut feeds = Feeds::default();
         let mut ping = every(PING);
         let opened = Instant::now();
         let mut heartbeat = every(HEARTBEAT);
@@ -288,7 +275,7 @@ impl Writer {
                     changed.ok()?;
                     let watch = *self.watched.borrow_and_update();
                     camera = watch.camera.then(|| camera.take().unwrap_or_else(|| broadcast.camera.register()));
-                    self.update(watch, &mut feeds, sink).await?;
+                    self.update(watch, sink).await?;
                 }
                 changed = self.taken.changed() => changed.ok()?,
                 _ = heartbeat.tick() => {
@@ -310,9 +297,9 @@ impl Writer {
                         send(sink, Message::Binary(packed(&frame, broadcast.now()))).await?;
                     }
                 }
-                text = newest(&mut feeds.map) => send_text(sink, text).await?,
-                lines = lines(&mut feeds.log) => send_text(sink, lines).await?,
-                found = next_found(&mut feeds.found) => send_text(sink, found).await?,
+                text = newest(&mut self.map) => send_text(sink, text).await?,
+                lines = lines(&mut self.log) => send_text(sink, lines).await?,
+                found = next_found(&mut self.found) => send_text(sink, found).await?,
                 _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
             }
         }
@@ -336,28 +323,26 @@ impl Writer {
         })
     }
 
-    async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
+    async fn update(&mut self, watch: Watch, sink: &mut Sink) -> Option<()> {
         match (&self.broadcast.run.sim, watch.map) {
-            (Some(sim), true) if feeds.map.is_none() => {
+            (Some(sim), true) if self.map.is_none() => {
                 send_text(sink, text(&ToPage::World(&world::world_plan(&sim.robot)))).await?;
-                feeds.map = Some(self.broadcast.map.subscribe());
+                self.map = Some(self.broadcast.map.subscribe());
             }
-            (_, false) => feeds.map = None,
+            (_, false) => self.map = None,
             _ => {}
         }
-        match watch.log {
-            true if feeds.log.is_none() => {
-                let (lines, news) = self.broadcast.log_buffer.read();
-                send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
-                feeds.log = Some(news);
-            }
-            true => {}
-            false => feeds.log = None,
+        if !watch.log {
+            self.log = None;
+        } else if self.log.is_none() {
+            let (lines, news) = self.broadcast.log_buffer.read();
+            send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
+            self.log = Some(news);
         }
-        match watch.found {
-            true if feeds.found.is_none() => feeds.found = Some(self.broadcast.found.subscribe()),
-            true => {}
-            false => feeds.found = None,
+        if !watch.found {
+            self.found = None;
+        } else if self.found.is_none() {
+            self.found = Some(self.broadcast.found.subscribe());
         }
         Some(())
     }

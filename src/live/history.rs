@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::behaviour::validate_name;
 use crate::clock::{self, Clock};
 use crate::files::Folder;
-use crate::journal::{JournalError, JournalReader, Kinds, Record, Span};
+use crate::journal::{JournalError, JournalReader, Record, Span};
 use crate::script::picture_name;
 use crate::timetable::{Reason, Timetable, predict_starts};
 use crate::vision::validate_markers;
@@ -22,13 +22,13 @@ const PART_OF_A_DAY: i64 = 5 * 60 * 1000;
 /// Maximum number of events in one response: the newest.
 const EVENTS: u32 = 200;
 /// The kinds of events in the plot.
-const PLOTTED: Kinds = Kinds::Of(&["dock", "safety", "started", "ended"]);
+const PLOTTED: [&str; 4] = ["dock", "safety", "started", "ended"];
 /// Number of future starts shown.
 const STARTS: usize = 6;
 /// Maximum size of a picture, in bytes.
 const MAX_PICTURE: u64 = 4 << 20;
 /// The kinds of events shown.
-const KINDS: Kinds = Kinds::Of(&[
+const KINDS: [&str; 11] = [
     "dock",
     "undock",
     "safety",
@@ -40,7 +40,7 @@ const KINDS: Kinds = Kinds::Of(&[
     "ended",
     "picture",
     "lost",
-]);
+];
 
 /// The history of some days.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -121,9 +121,6 @@ pub(super) struct ScheduledStart {
 
 /// Returns the history of the last days, if there is a journal. `running` are the behaviours that
 /// run now.
-///
-/// # Errors
-/// If the journal cannot be read.
 pub(super) fn read(
     data: &Path,
     days: u16,

@@ -34,7 +34,7 @@ pub struct Line {
     /// Milliseconds since 1970.
     pub at: u64,
     /// `error`, `warn`, `info`, `debug` or `trace`.
-    pub level: &'static str,
+    pub level: String,
     /// The behaviour, if a behaviour logged it.
     pub behaviour: Option<String>,
     /// The line of its script.
@@ -58,76 +58,74 @@ impl<S: Subscriber> Layer<S> for LogTap {
         let Some(lines) = TAP.get() else {
             return;
         };
-        let mut visitor = EventVisitor::default();
-        event.record(&mut visitor);
-        if lines
-            .try_send(visitor.line(*event.metadata().level()))
-            .is_err()
-        {
+        let mut fields = EventFields::default();
+        event.record(&mut fields);
+        let line = Line::new(fields, *event.metadata().level());
+        if lines.try_send(line).is_err() {
             DROPPED.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
+/// The message and the fields of a log event, as they were given.
 #[derive(Default)]
-struct EventVisitor {
-    text: String,
-    fields: String,
-    behaviour: Option<String>,
-    line: Option<u64>,
+pub struct EventFields {
+    pub message: Option<String>,
+    pub fields: Vec<EventField>,
 }
 
-impl EventVisitor {
-    fn line(self, level: Level) -> Line {
-        let mut text = self.text + &self.fields;
-        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
-            text.truncate(at);
-        }
-        let level = match level {
-            Level::ERROR => "error",
-            Level::WARN => "warn",
-            Level::INFO => "info",
-            Level::DEBUG => "debug",
-            Level::TRACE => "trace",
-        };
-        Line {
-            at: now(),
-            level,
-            behaviour: self.behaviour,
-            line: self.line,
-            text,
-        }
-    }
+pub struct EventField {
+    pub name: &'static str,
+    pub value: String,
+    /// Whether the value is a text, not a number or something else with a form of its own.
+    pub is_text: bool,
+}
 
-    fn field(&mut self, name: &str, value: &str) {
-        match name {
-            "message" => self.text = value.to_owned(),
-            "behaviour" => self.behaviour = Some(value.to_owned()),
-            "line" => self.line = value.parse().ok(),
-            // Limit the length before the fields are joined.
-            _ if self.fields.len() < LONGEST => {
-                self.fields.push_str(&format!(" {name}={value}"));
-            }
-            _ => {}
+impl EventFields {
+    fn add(&mut self, name: &'static str, value: String, is_text: bool) {
+        if name == "message" {
+            self.message = Some(value);
+        } else {
+            self.fields.push(EventField {
+                name,
+                value,
+                is_text,
+            });
         }
     }
 }
 
-impl Visit for EventVisitor {
-    fn record_u64(&mut self, field: &Field, value: u64) {
-        match field.name() {
-            "line" => self.line = Some(value),
-            name => self.field(name, &value.to_string()),
-        }
-    }
-
+impl Visit for EventFields {
     fn record_str(&mut self, field: &Field, value: &str) {
-        self.field(field.name(), value);
+        self.add(field.name(), value.to_owned(), true);
     }
 
     fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
-        let text = format!("{value:?}");
-        self.field(field.name(), &text);
+        self.add(field.name(), format!("{value:?}"), false);
+    }
+}
+
+impl Line {
+    fn new(event: EventFields, level: Level) -> Line {
+        let mut line = Line {
+            at: now(),
+            level: level.as_str().to_lowercase(),
+            behaviour: None,
+            line: None,
+            text: event.message.unwrap_or_default(),
+        };
+        for EventField { name, value, .. } in event.fields {
+            match name {
+                "behaviour" => line.behaviour = Some(value),
+                "line" => line.line = value.parse().ok(),
+                _ if line.text.len() < 4 * LONGEST => line.text += &format!(" {name}={value}"),
+                _ => {}
+            }
+        }
+        if let Some((at, _)) = line.text.char_indices().nth(LONGEST) {
+            line.text.truncate(at);
+        }
+        line
     }
 }
 
@@ -163,7 +161,7 @@ impl LogBuffer {
                 let text = format!("{missed} lines were dropped: they came too fast for the page");
                 self.write(Line {
                     at: now(),
-                    level: "warn",
+                    level: "warn".to_owned(),
                     behaviour: None,
                     line: None,
                     text,
@@ -197,7 +195,7 @@ mod tests {
     fn line(text: &str) -> Line {
         Line {
             at: 0,
-            level: "info",
+            level: "info".to_owned(),
             behaviour: None,
             line: None,
             text: text.to_owned(),
@@ -219,19 +217,19 @@ mod tests {
 
     #[test]
     fn a_line_has_behaviour_position_and_fields_and_is_bounded() {
-        let mut visitor = EventVisitor::default();
-        visitor.field("message", "hello");
-        visitor.field("behaviour", "patrol");
-        visitor.field("line", "12");
-        visitor.field("legs", "3");
-        let read = visitor.line(Level::WARN);
+        let mut event = EventFields::default();
+        event.add("message", "hello".to_owned(), false);
+        event.add("behaviour", "patrol".to_owned(), true);
+        event.add("line", "12".to_owned(), false);
+        event.add("legs", "3".to_owned(), false);
+        let read = Line::new(event, Level::WARN);
         assert_eq!(
-            (read.level, read.line, &*read.text),
+            (&*read.level, read.line, &*read.text),
             ("warn", Some(12), "hello legs=3")
         );
         assert_eq!(read.behaviour.as_deref(), Some("patrol"));
-        let mut visitor = EventVisitor::default();
-        visitor.field("message", &"ä".repeat(3 * LONGEST));
-        assert_eq!(visitor.line(Level::INFO).text.chars().count(), LONGEST);
+        let mut event = EventFields::default();
+        event.add("message", "ä".repeat(3 * LONGEST), false);
+        assert_eq!(Line::new(event, Level::INFO).text.chars().count(), LONGEST);
     }
 }

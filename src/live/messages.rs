@@ -70,8 +70,19 @@ pub(super) struct Watch {
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub(super) enum ToPage<'a> {
-    /// The first message.
-    Hello(Hello),
+    /// The first message: the viewer and the run.
+    Hello {
+        /// The program's version.
+        version: &'static str,
+        /// The viewer's number.
+        you: u32,
+        /// The viewer's role.
+        role: Role,
+        /// Whether there is a simulated world.
+        world: bool,
+        /// Whether the config allows the camera.
+        camera: bool,
+    },
     /// Sent twice a second, so that the page knows that it is connected, and how late messages
     /// arrive.
     Heartbeat {
@@ -128,21 +139,6 @@ pub(super) enum ToPage<'a> {
     },
 }
 
-/// The viewer and the run.
-#[derive(Debug, Clone, Serialize, JsonSchema)]
-pub(super) struct Hello {
-    /// The program's version.
-    pub version: &'static str,
-    /// The viewer's number.
-    pub you: u32,
-    /// The viewer's role.
-    pub role: Role,
-    /// Whether there is a simulated world.
-    pub world: bool,
-    /// Whether the config allows the camera.
-    pub camera: bool,
-}
-
 /// Returns the JSON Schema of all messages, for the page and for other clients.
 pub fn schema() -> Value {
     json!({
@@ -152,9 +148,6 @@ pub fn schema() -> Value {
 }
 
 /// Parses a message of a page and serialises it again.
-///
-/// # Errors
-/// The parser's error, if the text is not a valid message of a page.
 pub fn understood(text: &str) -> serde_json::Result<String> {
     serde_json::to_string(&serde_json::from_str::<FromPage>(text)?)
 }

@@ -32,19 +32,9 @@ pub struct Script {
 /// Further information about a run, which may change.
 #[derive(Debug, Clone, Default)]
 pub struct RunDefinition {
-    /// Its scripts.
     pub scripts: Vec<Script>,
     /// Its timetable and the clock that it uses, if it has one.
     pub timetable: Option<(Timetable, Clock)>,
-}
-
-impl From<Vec<Script>> for RunDefinition {
-    fn from(scripts: Vec<Script>) -> RunDefinition {
-        RunDefinition {
-            scripts,
-            timetable: None,
-        }
-    }
 }
 
 /// A behaviour for the page.

@@ -28,11 +28,8 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The run that the page shows and controls.
 pub struct WebContext {
-    /// The run.
     pub run: Run,
-    /// Its scripts and its timetable; they may change.
     pub definition: watch::Receiver<RunDefinition>,
-    /// Its events.
     pub bus: Listener,
     /// Its log lines, if they are copied: see [`tap`](super::tap).
     pub log: Option<tokio::sync::mpsc::Receiver<Line>>,
@@ -46,15 +43,11 @@ pub enum LiveError {
     /// Access cannot be set up: no visitor could log in, or anyone could.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The socket cannot be opened.
     #[error("the page cannot be served at {address}: {source}")]
     Socket {
-        /// The address.
         address: SocketAddr,
-        /// The error of the system.
         source: io::Error,
     },
-    /// The system cannot start a thread or a runtime.
     #[error("the page cannot be served: {0}")]
     System(#[from] io::Error),
 }
@@ -68,9 +61,6 @@ pub struct Live {
 
 impl Live {
     /// Starts the server on a separate thread. Waits until the socket is open.
-    ///
-    /// # Errors
-    /// See [`LiveError`].
     pub fn start(context: WebContext, options: &Options) -> Result<Live, LiveError> {
         let options = options.clone();
         let (started, starting) = mpsc::sync_channel(1);
@@ -92,13 +82,9 @@ impl Live {
 
     /// Returns the page's address for a browser on this machine.
     pub fn url(&self) -> String {
-        let mut address = self.address;
+        let address = self.address;
         if address.ip().is_unspecified() {
-            let loopback = match address {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
-            };
-            address.set_ip(loopback);
+            return format!("http://localhost:{}/", address.port());
         }
         format!("http://{address}/")
     }

@@ -18,6 +18,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::info;
 
 use super::broadcast::{Broadcast, Person, ViewerList};
+use super::messages::ToPage;
 use crate::agent::PilotClientError;
 use crate::clock::{every, until};
 use crate::control::Run;
@@ -46,7 +47,6 @@ impl Drop for Viewer {
     }
 }
 
-/// The place of a viewer.
 #[derive(Debug)]
 pub(super) struct OpenPage {
     id: u32,
@@ -78,18 +78,6 @@ impl ViewerList {
             })
             .map(|(index, _)| index)
     }
-}
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum DriveLockError {
-    /// The role does not permit driving.
-    Viewer,
-    /// STOP holds.
-    Stopped,
-    /// The simulation's clock does not run at real time.
-    NotRealTime,
-    /// The viewer of this name has it.
-    Taken(String),
 }
 
 impl Viewer {
@@ -149,24 +137,32 @@ impl Viewer {
     /// viewer already has the drive lock.
     ///
     /// # Errors
-    /// See [`DriveLockError`].
+    /// What to tell the page.
     pub(super) fn take_drive_lock(
         &self,
-    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, DriveLockError> {
+    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, ToPage<'static>> {
+        let notice = |key| ToPage::Notice {
+            key,
+            name: String::new(),
+        };
         if self.visitor.role != Role::Driver {
-            return Err(DriveLockError::Viewer);
+            return Err(notice("viewer_only"));
         }
         let run = &self.broadcast.run;
         if run.emergency_stop.is_on() || run.status.borrow().emergency_stop {
-            return Err(DriveLockError::Stopped);
+            return Err(notice("drive_stopped"));
         }
         if differs_from_real_time(&self.broadcast) {
-            return Err(DriveLockError::NotRealTime);
+            return Err(notice("drive_not_real_time"));
         }
         let mut viewers = self.broadcast.lock_viewers();
         match &viewers.driver {
             Some((person, _)) if person.id == self.id => return Ok(None),
-            Some((person, _)) => return Err(DriveLockError::Taken(person.name.clone())),
+            Some((person, _)) => {
+                let name = person.name.clone();
+                let key = "drive_taken";
+                return Err(ToPage::Notice { key, name });
+            }
             None => {}
         }
         let person = self.person();

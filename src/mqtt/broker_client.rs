@@ -1,29 +1,29 @@
 //! Represents an agent at its broker: publishes its state whenever it changes, and accepts
 //! commands.
 
+use std::collections::BTreeMap;
 use std::io;
 use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
-use serde_json::Value;
+use rumqttc::Publish;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use super::command::{BrokerCommand, CommandResult};
-use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
+use super::command::{BrokerCommand, CommandResult, parse_choice};
+use super::connection::{Account, Connection, ConnectionEvent, QueueFull};
 use super::discovery::{EVENTS, discovery};
 use super::report::Report;
 use super::topics::{Presence, Topics};
 use crate::agent::BehaviourStatus;
 use crate::clock::until;
-use crate::control::{Change, Run, RunRequest, RunResponse};
+use crate::control::{Run, RunRequest, RunResponse};
 use crate::rate_limit::{Backoff, Budget};
 use crate::robot::{AgentEvent, Bus, BusMessage, Listener, RobotInfo};
 use crate::side_thread::SideThread;
-use crate::wire::Sound;
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
@@ -41,14 +41,19 @@ pub(super) struct BrokerClient {
     run: Run,
     listener: Listener,
     report: Report,
-    commands: CommandTasks,
+    /// The commands in progress: each in a separate task, a limited number at a time, dockings one after
+    /// the other.
+    commands: JoinSet<FinishedCommand>,
+    /// The command that drives the robot.
+    driving: Option<AbortHandle>,
     robot: Option<RobotInfo>,
     topics: Topics,
     phase: Phase,
     /// When to publish what has changed.
     due: Option<Instant>,
-    /// What was already published on this connection.
-    published: Published,
+    subscribed: bool,
+    /// What the broker keeps for others, by topic, as published on this connection.
+    retained: BTreeMap<String, Vec<u8>>,
     backoff: Backoff,
     rng: StdRng,
     /// Number of events dropped because the queue was full.
@@ -67,28 +72,21 @@ enum Phase {
     Up(Connection, Instant),
 }
 
-#[derive(Default)]
-struct Published {
-    subscribed: bool,
-    discovery: Option<Value>,
-    presence: bool,
-    state: Option<Value>,
-}
-
 impl BrokerClient {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> BrokerClient {
-        let topics = topics(&account, "");
         BrokerClient {
             account,
-            commands: CommandTasks::new(run.clone()),
+            commands: JoinSet::new(),
+            driving: None,
             run,
             listener,
             report: Report::default(),
             robot: None,
-            topics,
+            topics: Topics::new(""),
             phase: Phase::NoRobot,
             due: None,
-            published: Published::default(),
+            subscribed: false,
+            retained: BTreeMap::new(),
             backoff: Backoff::new(FIRST_PAUSE, LONGEST_PAUSE),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
@@ -109,7 +107,7 @@ impl BrokerClient {
                     Some(event) => self.handle_connection(event),
                     None => self.connect(),
                 },
-                finished = self.commands.next() => self.answer(finished),
+                finished = next_finished(&mut self.commands) => self.answer(finished),
                 message = self.listener.next() => match message {
                     BusMessage::Event(one) => self.handle_event(&one.what),
                     BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
@@ -138,9 +136,8 @@ impl BrokerClient {
         let another = self.robot.as_ref().map(|known| &known.uid) != Some(&robot.uid);
         if another {
             // Breaks the connection in another robot's name: the broker publishes its will.
-            self.topics = topics(&self.account, &robot.uid);
+            self.topics = Topics::new(&robot.uid);
             self.phase = Phase::Pause(Instant::now());
-            self.published = Published::default();
         }
         self.robot = Some(robot);
     }
@@ -149,7 +146,8 @@ impl BrokerClient {
         // The same client ID each time: a broker that still holds our old connection closes it, and
         // publishes its will, before it accepts the new one.
         let client = format!("spykee-{}", self.topics.id);
-        self.published = Published::default();
+        self.subscribed = false;
+        self.retained.clear();
         self.phase = Phase::Connecting(Connection::connect(
             &self.account,
             &client,
@@ -206,8 +204,7 @@ impl BrokerClient {
             return Ok(());
         };
         let topics = &self.topics;
-        let published = &mut self.published;
-        if !published.subscribed {
+        if !self.subscribed {
             for topic in [
                 topics.named("command"),
                 topics.named("behaviour/set"),
@@ -215,26 +212,29 @@ impl BrokerClient {
             ] {
                 connection.subscribe(&topic)?;
             }
-            published.subscribed = true;
+            self.subscribed = true;
         }
         let statuses = self.run.roster.statuses().borrow().clone();
         let names: Vec<String> = statuses.iter().map(|one| one.name.clone()).collect();
-        let entities = discovery(topics, robot, &names);
-        if published.discovery.as_ref() != Some(&entities) {
-            connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
-            published.discovery = Some(entities);
-        }
         let next = self.run.view.borrow().next.clone();
-        let state = self
-            .report
-            .state(&self.run.status.borrow(), &statuses, next.as_ref());
-        if published.state.as_ref() != Some(&state) {
-            connection.retain(&topics.named("state"), state.to_string().into_bytes())?;
-            published.state = Some(state);
-        }
-        if !published.presence {
-            connection.retain(&topics.named("connection"), Presence::Online.word().into())?;
-            published.presence = true;
+        let status = *self.run.status.borrow();
+        let state = self.report.state(&status, &statuses, next.as_ref());
+        for (topic, payload) in [
+            (
+                topics.discovery(),
+                discovery(topics, robot, &names).to_string(),
+            ),
+            (topics.named("state"), state.to_string()),
+            (
+                topics.named("connection"),
+                Presence::Online.word().to_owned(),
+            ),
+        ] {
+            let payload = payload.into_bytes();
+            if self.retained.get(&topic) != Some(&payload) {
+                connection.retain(&topic, payload.clone())?;
+                self.retained.insert(topic, payload);
+            }
         }
         Ok(())
     }
@@ -261,57 +261,105 @@ impl BrokerClient {
         }
     }
 
-    fn handle_message(&mut self, message: &Message) {
+    fn handle_message(&mut self, message: &Publish) {
         if message.topic == self.topics.birth() {
             if &message.payload[..] == b"online" {
                 // Home Assistant has just started and knows nothing yet.
-                self.published = Published {
-                    subscribed: true,
-                    ..Published::default()
-                };
+                self.retained.clear();
                 self.schedule_publish();
             }
             return;
         }
-        let read = if message.topic == self.topics.named("command") {
-            BrokerCommand::parse(&message.payload)
-        } else if message.topic == self.topics.named("behaviour/set") {
-            BrokerCommand::parse_choice(&message.payload).map(|command| (command, None))
-        } else {
+        let is_choice = message.topic == self.topics.named("behaviour/set");
+        if !is_choice && message.topic != self.topics.named("command") {
             // A broker may send anything; we did not subscribe to this topic.
             return;
-        };
-        if message.retained {
+        }
+        if message.retain {
             let topic = &message.topic;
             return self.log.warn(&format!(
                 "a retained command is ignored, because it may be old: {topic}"
             ));
         }
-        let (command, id) = match read {
-            Ok(read) => read,
-            Err(error) => {
-                let line = format!("invalid command from the broker: {error}");
-                return self.log.warn(&line);
-            }
+        let handled = if is_choice {
+            self.choose(&message.payload)
+        } else {
+            self.begin(&message.payload)
         };
-        self.log
-            .info(&format!("a person's command from the broker: {command}"));
-        let statuses = self.statuses();
-        if let BrokerCommand::Choose(name) = &command {
-            if !self.report.choose(name, &statuses) {
-                self.log.warn(&format!("no behaviour is called `{name}`"));
-            }
-            return self.schedule_publish();
+        if let Err(error) = handled {
+            let line = format!("invalid command from the broker: {error}");
+            self.log.warn(&line);
         }
-        let chosen = self.report.chosen(&statuses);
-        self.commands.begin(command, id, chosen);
+    }
+
+    fn choose(&mut self, payload: &[u8]) -> Result<(), String> {
+        let name = parse_choice(payload)?;
+        let line = format!("a person's command from the broker: choose {name}");
+        self.log.info(&line);
+        if !self.report.choose(name, &self.statuses()) {
+            self.log.warn(&format!("no behaviour is called `{name}`"));
+        }
+        self.schedule_publish();
+        Ok(())
+    }
+
+    fn begin(&mut self, payload: &[u8]) -> Result<(), String> {
+        let command = BrokerCommand::parse(payload)?;
+        let words = &command.command;
+        let line = format!("a person's command from the broker: {words}");
+        self.log.info(&line);
+        let request = match self.report.chosen(&self.statuses()) {
+            None if words == "start" => Err("there is no behaviour to start".to_owned()),
+            chosen => command.request(&chosen.unwrap_or_default()),
+        };
+        self.perform(command, request);
+        Ok(())
+    }
+
+    /// Starts a command with its request to the run, if it has one.
+    fn perform(&mut self, command: BrokerCommand, request: Result<RunRequest, String>) {
+        let drives = matches!(
+            request,
+            Ok(RunRequest::Dock { .. } | RunRequest::Undock { .. })
+        );
+        let stops = matches!(request, Ok(RunRequest::Stop | RunRequest::ResetStop));
+        if drives || request == Ok(RunRequest::Stop) {
+            // Cancel the previous docking or undocking: the pilot then ends it.
+            self.cancel_driving();
+        }
+        if self.commands.len() >= MAX_STOPS {
+            return;
+        }
+        let full = self.commands.len() >= MAX_TASKS && !stops;
+        let run = self.run.clone();
+        let task = self.commands.spawn(async move {
+            let request = if full {
+                Err("too many commands at once".to_owned())
+            } else {
+                request
+            };
+            let response = match request {
+                Ok(request) => perform(&run, request).await,
+                Err(error) => RunResponse::Refused { error },
+            };
+            FinishedCommand { command, response }
+        });
+        if drives && !full {
+            self.driving = Some(task);
+        }
+    }
+
+    fn cancel_driving(&mut self) {
+        if let Some(last) = self.driving.take() {
+            last.abort();
+        }
     }
 
     fn answer(&mut self, finished: FinishedCommand) {
         let result = finished.result();
         if !result.done {
             let why = result.text.as_deref().unwrap_or_default();
-            let command = &result.command;
+            let command = &result.command.command;
             let line = format!("the command `{command}` from the broker was not executed: {why}");
             self.log.warn(&line);
         }
@@ -336,9 +384,9 @@ impl BrokerClient {
     async fn shut_down(mut self) {
         // A stop command may have caused this end; its answer is still sent.
         let deadline = Instant::now() + RESULTS_TIMEOUT;
-        self.commands.cancel_driving();
+        self.cancel_driving();
         while !self.commands.is_empty() {
-            match timeout_at(deadline, self.commands.next()).await {
+            match timeout_at(deadline, next_finished(&mut self.commands)).await {
                 Ok(finished) => self.answer(finished),
                 Err(_) => break,
             }
@@ -355,11 +403,6 @@ impl BrokerClient {
             open.close(CLOSING).await;
         }
     }
-}
-
-fn topics(account: &Account, uid: &str) -> Topics {
-    let options = &account.options;
-    Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
 /// The next event of the connection; `None` when it is time to connect. Cancel-safe.
@@ -416,9 +459,6 @@ impl LimitedLog {
 /// Publishes the bus's events from now on at this broker, and passes commands from there to the run.
 /// Connects once the robot's uid is known, and reconnects whenever the connection is lost. The
 /// thread's end publishes the last messages. Does not wait for the network.
-///
-/// # Errors
-/// If the system cannot start a thread.
 pub fn start(bus: &Bus, run: Run, account: Account) -> io::Result<SideThread> {
     let listener = bus.subscribe();
     SideThread::start("mqtt", |stop| async move {
@@ -432,8 +472,7 @@ const MAX_TASKS: usize = 8;
 const MAX_STOPS: usize = 32;
 
 pub(super) struct FinishedCommand {
-    command: String,
-    id: Option<String>,
+    command: BrokerCommand,
     response: RunResponse,
 }
 
@@ -449,83 +488,20 @@ impl FinishedCommand {
         };
         CommandResult {
             command: self.command.clone(),
-            id: self.id.clone(),
             done,
             text,
         }
     }
 }
 
-/// The commands in progress: each in a separate task, a limited number at a time, dockings one
-/// after the other.
-pub(super) struct CommandTasks {
-    run: Run,
-    tasks: JoinSet<FinishedCommand>,
-    /// The task of the command that drives the robot.
-    drive: Option<AbortHandle>,
-}
-
-impl CommandTasks {
-    pub(super) fn new(run: Run) -> CommandTasks {
-        let tasks = JoinSet::new();
-        let drive = None;
-        CommandTasks { run, tasks, drive }
-    }
-
-    /// Starts a command. `chosen` is the behaviour that `start` starts.
-    pub(super) fn begin(
-        &mut self,
-        command: BrokerCommand,
-        id: Option<String>,
-        chosen: Option<String>,
-    ) {
-        let drives = matches!(command, BrokerCommand::Dock | BrokerCommand::Undock);
-        let stops = matches!(command, BrokerCommand::Stop | BrokerCommand::ResetStop);
-        if drives || command == BrokerCommand::Stop {
-            // Cancel the previous docking or undocking: the pilot then ends it.
-            self.cancel_driving();
-        }
-        if self.tasks.len() >= MAX_STOPS {
-            return;
-        }
-        let full = self.tasks.len() >= MAX_TASKS && !stops;
-        let run = self.run.clone();
-        let task = self.tasks.spawn(async move {
-            FinishedCommand {
-                command: command.to_string(),
-                id,
-                response: if full {
-                    refused("too many commands at once")
-                } else {
-                    perform(&run, command, chosen).await
-                },
-            }
-        });
-        if drives && !full {
-            self.drive = Some(task);
-        }
-    }
-
-    /// Cancels the docking or undocking in progress.
-    pub(super) fn cancel_driving(&mut self) {
-        if let Some(last) = self.drive.take() {
-            last.abort();
-        }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.tasks.is_empty()
-    }
-
-    /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
-    pub(super) async fn next(&mut self) -> FinishedCommand {
-        loop {
-            match self.tasks.join_next().await {
-                Some(Ok(finished)) => return finished,
-                // Cancelled in favour of a newer one.
-                Some(Err(_)) => {}
-                None => std::future::pending().await,
-            }
+/// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
+async fn next_finished(commands: &mut JoinSet<FinishedCommand>) -> FinishedCommand {
+    loop {
+        match commands.join_next().await {
+            Some(Ok(finished)) => return finished,
+            // Cancelled in favour of a newer one.
+            Some(Err(_)) => {}
+            None => std::future::pending().await,
         }
     }
 }
@@ -533,43 +509,14 @@ impl CommandTasks {
 /// Who commands, in the journal; the protocol does not name the client.
 const BROKER: &str = "the MQTT broker";
 
-fn refused(error: impl Into<String>) -> RunResponse {
-    let error = error.into();
-    RunResponse::Refused { error }
-}
-
-async fn perform(run: &Run, command: BrokerCommand, chosen: Option<String>) -> RunResponse {
-    let start = |name| RunRequest::Behaviour {
-        name,
-        change: Change::Start,
-        lasts: None,
-    };
-    let request = match command {
-        BrokerCommand::Stop => RunRequest::Stop,
-        BrokerCommand::ResetStop => RunRequest::ResetStop,
-        BrokerCommand::Start => match chosen {
-            Some(name) => start(name),
-            None => return refused("there is no behaviour to start"),
-        },
-        BrokerCommand::Run(name) => start(name),
-        // The broker client handles this, since it keeps the choice.
-        BrokerCommand::Choose(_) => return RunResponse::Done,
-        BrokerCommand::Dock => RunRequest::Dock {
-            seconds: None,
-            retries: None,
-        },
-        BrokerCommand::Undock => RunRequest::Undock { seconds: None },
-        BrokerCommand::Locate => RunRequest::Play {
-            sound: Sound::Laser,
-        },
-        BrokerCommand::Snapshot => RunRequest::Picture { seconds: None },
-    };
+async fn perform(run: &Run, request: RunRequest) -> RunResponse {
     let response = run.perform(request, BROKER).await;
     // A stop also ends all behaviours.
     if let RunResponse::Stopped { outcome, .. } = &response
         && let Err(why) = run.end_behaviours().await
     {
-        return refused(format!("{outcome}; but {why}"));
+        let error = format!("{outcome}; but {why}");
+        return RunResponse::Refused { error };
     }
     response
 }

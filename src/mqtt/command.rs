@@ -2,6 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::control::{Change, RunRequest};
+use crate::wire::Sound;
+
 /// Maximum length of a command, in bytes.
 const LONGEST: usize = 1024;
 /// Maximum length of the name of a chosen behaviour, in bytes.
@@ -9,69 +12,52 @@ const LONGEST_CHOICE: usize = 256;
 
 /// One command. Its text is a word (`stop`, `run patrol`), or JSON with an `id` that is returned in
 /// the answer: `{"command": "run patrol", "id": "7"}`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum BrokerCommand {
-    /// Start the chosen behaviour.
-    Start,
-    /// STOP: the robot stands until a person releases it. Also ends all behaviours.
-    Stop,
-    /// Release STOP.
-    ResetStop,
-    /// Drive to the station.
-    Dock,
-    /// Leave the station.
-    Undock,
-    /// Make a sound.
-    Locate,
-    /// Take a picture.
-    Snapshot,
-    /// Start this behaviour.
-    Run(String),
-    /// Choose the behaviour that `start` starts.
-    Choose(String),
-}
-
-#[derive(Debug, Serialize, Deserialize)]
-struct JsonCommand {
-    command: String,
-    id: Option<String>,
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BrokerCommand {
+    pub command: String,
+    pub id: Option<String>,
 }
 
 impl BrokerCommand {
-    /// Parses a command, with its id if it has one.
-    ///
-    /// # Errors
-    /// Why it is no valid command, in words.
-    pub fn parse(payload: &[u8]) -> Result<(BrokerCommand, Option<String>), String> {
+    pub fn parse(payload: &[u8]) -> Result<BrokerCommand, String> {
         let text = text(payload, LONGEST)?;
-        if !text.starts_with('{') {
-            return Ok((BrokerCommand::of_words(text)?, None));
+        let mut read = BrokerCommand {
+            command: text.to_owned(),
+            id: None,
+        };
+        if text.starts_with('{') {
+            read = serde_json::from_str(text).map_err(|error| {
+                format!(
+                    "it is not a command in JSON ({error}), such as {{\"command\": \"stop\", \"id\": \"1\"}}"
+                )
+            })?;
+            read.command = read.command.trim().to_owned();
         }
-        let written: JsonCommand = serde_json::from_str(text).map_err(|error| {
-            format!(
-                "it is not a command in JSON ({error}), such as {{\"command\": \"stop\", \"id\": \"1\"}}"
-            )
-        })?;
-        Ok((BrokerCommand::of_words(written.command.trim())?, written.id))
+        read.request("").map(|_| read)
     }
 
-    /// Parses the choice of the behaviour that `start` starts.
-    pub(super) fn parse_choice(payload: &[u8]) -> Result<BrokerCommand, String> {
-        let name = text(payload, LONGEST_CHOICE)?;
-        Ok(BrokerCommand::Choose(name.to_owned()))
-    }
-
-    fn of_words(words: &str) -> Result<BrokerCommand, String> {
-        Ok(match words {
-            "start" => BrokerCommand::Start,
-            "stop" => BrokerCommand::Stop,
-            "reset_stop" => BrokerCommand::ResetStop,
-            "return_to_base" | "dock" => BrokerCommand::Dock,
-            "undock" => BrokerCommand::Undock,
-            "locate" => BrokerCommand::Locate,
-            "snapshot" => BrokerCommand::Snapshot,
+    /// The request to the run; `start` starts the `chosen` behaviour.
+    pub(super) fn request(&self, chosen: &str) -> Result<RunRequest, String> {
+        let start = |name: &str| RunRequest::Behaviour {
+            name: name.to_owned(),
+            change: Change::Start,
+            lasts: None,
+        };
+        Ok(match self.command.as_str() {
+            "start" => start(chosen),
+            "stop" => RunRequest::Stop,
+            "reset_stop" => RunRequest::ResetStop,
+            "return_to_base" | "dock" => RunRequest::Dock {
+                seconds: None,
+                retries: None,
+            },
+            "undock" => RunRequest::Undock { seconds: None },
+            "locate" => RunRequest::Play {
+                sound: Sound::Laser,
+            },
+            "snapshot" => RunRequest::Picture { seconds: None },
             other => match other.strip_prefix("run ").map(str::trim) {
-                Some(name) if !name.is_empty() => BrokerCommand::Run(name.to_owned()),
+                Some(name) if !name.is_empty() => start(name),
                 _ => {
                     return Err(format!(
                         "`{other}` is not a command; the commands are start, stop, reset_stop, \
@@ -81,14 +67,11 @@ impl BrokerCommand {
             },
         })
     }
+}
 
-    /// Formats the command as JSON, with an id.
-    pub fn to_json(&self, id: &str) -> String {
-        let command = self.to_string();
-        let id = Some(id.to_owned());
-        // Serialising a struct of strings cannot fail.
-        serde_json::to_string(&JsonCommand { command, id }).unwrap_or_default()
-    }
+/// Parses the choice of the behaviour that `start` starts.
+pub(super) fn parse_choice(payload: &[u8]) -> Result<&str, String> {
+    text(payload, LONGEST_CHOICE)
 }
 
 fn text(payload: &[u8], longest: usize) -> Result<&str, String> {
@@ -99,30 +82,11 @@ fn text(payload: &[u8], longest: usize) -> Result<&str, String> {
     Ok(text.trim())
 }
 
-impl std::fmt::Display for BrokerCommand {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            BrokerCommand::Start => "start",
-            BrokerCommand::Stop => "stop",
-            BrokerCommand::ResetStop => "reset_stop",
-            BrokerCommand::Dock => "return_to_base",
-            BrokerCommand::Undock => "undock",
-            BrokerCommand::Locate => "locate",
-            BrokerCommand::Snapshot => "snapshot",
-            BrokerCommand::Run(name) => return write!(f, "run {name}"),
-            BrokerCommand::Choose(name) => return write!(f, "choose {name}"),
-        })
-    }
-}
-
 /// The result of a command.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CommandResult {
-    /// The command, in words.
-    pub command: String,
-    /// The id of the command, if it had one.
-    pub id: Option<String>,
-    /// Whether the command was executed.
+    #[serde(flatten)]
+    pub command: BrokerCommand,
     pub done: bool,
     /// How it ended, or why it was not executed.
     pub text: Option<String>,
@@ -135,12 +99,18 @@ mod tests {
 
     #[test]
     fn words_and_json_are_orders() {
-        let parse = |text: &str| BrokerCommand::parse(text.as_bytes());
-        assert_eq!(parse(" stop\n"), Ok((BrokerCommand::Stop, None)));
-        assert_eq!(parse("return_to_base"), Ok((BrokerCommand::Dock, None)));
-        let run = BrokerCommand::Run("patrol".to_owned());
-        assert_eq!(parse("run patrol"), Ok((run.clone(), None)));
-        assert_eq!(parse(&run.to_json("7")), Ok((run, Some("7".to_owned()))));
+        let parse = |text: &str| BrokerCommand::parse(text.as_bytes()).unwrap();
+        let request = |text: &str| parse(text).request("guard").unwrap();
+        assert_eq!(request(" stop\n"), RunRequest::Stop);
+        assert_eq!(request("return_to_base"), request("dock"));
+        assert_eq!(request("start"), request("run guard"));
+        let command = parse("run patrol");
+        assert_eq!(command.id, None);
+        let numbered = parse(r#"{"command": " run patrol ", "id": "7"}"#);
+        assert_eq!(
+            (numbered.command, numbered.id),
+            (command.command, Some("7".to_owned()))
+        );
     }
 
     #[test]

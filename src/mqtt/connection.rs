@@ -3,10 +3,9 @@
 
 use std::time::Duration;
 
-use bytes::Bytes;
 use rumqttc::{
     AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions,
-    NetworkOptions, Packet, QoS, TlsConfiguration, Transport,
+    NetworkOptions, Packet, Publish, QoS, TlsConfiguration, Transport,
 };
 use tokio::runtime::Builder;
 use tokio::sync::mpsc;
@@ -33,9 +32,7 @@ const CONNECTING: u64 = 10;
 pub struct Account {
     /// The `mqtt:` section of the config.
     pub options: config::Mqtt,
-    /// The password of its user.
     pub password: Option<String>,
-    /// The certificates of its `ca_file`.
     pub ca: Option<Vec<u8>>,
 }
 
@@ -45,21 +42,10 @@ impl std::fmt::Debug for Account {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Message {
-    pub(super) topic: String,
-    pub(super) payload: Bytes,
-    /// Whether it was retained by the broker from before our subscription.
-    pub(super) retained: bool,
-}
-
 #[derive(Debug)]
 pub(super) enum ConnectionEvent {
-    /// The broker has accepted the connection.
     Up,
-    /// A message was received.
-    Message(Message),
-    /// The broker has confirmed a subscription.
+    Message(Publish),
     Subscribed,
     /// The broker has confirmed a message of ours.
     Acknowledged,
@@ -174,11 +160,7 @@ async fn pump(mut events: EventLoop, sender: mpsc::Sender<ConnectionEvent>) {
     loop {
         let event = match events.poll().await {
             Ok(Event::Incoming(Packet::ConnAck(_))) => ConnectionEvent::Up,
-            Ok(Event::Incoming(Packet::Publish(message))) => ConnectionEvent::Message(Message {
-                topic: message.topic,
-                payload: message.payload,
-                retained: message.retain,
-            }),
+            Ok(Event::Incoming(Packet::Publish(message))) => ConnectionEvent::Message(message),
             Ok(Event::Incoming(Packet::SubAck(_))) => ConnectionEvent::Subscribed,
             Ok(Event::Incoming(Packet::PubAck(_))) => ConnectionEvent::Acknowledged,
             Ok(_) => continue,

@@ -2,10 +2,9 @@
 //! device-based discovery.
 //! <https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload>
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
-use super::topics::Presence;
-use super::topics::Topics;
+use super::topics::{Presence, Topics};
 use crate::robot::RobotInfo;
 
 /// The event types of the event entity; battery and watchdog are in the state.
@@ -47,106 +46,99 @@ pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String
     })
 }
 
+/// An entity: its platform, its key and its name, with what only it has.
+type Entity = (&'static str, &'static str, Value, Value);
+
 fn components(topics: &Topics, behaviours: &[String]) -> Value {
-    let mut all = Components {
-        topics,
-        entities: Map::new(),
-    };
-    all.add_robot();
-    all.add_sensors();
-    all.add_buttons();
+    let mut entities = robot(topics);
+    entities.extend(sensors(topics));
+    entities.extend(buttons(topics));
     if !behaviours.is_empty() {
-        all.add_choice_of(behaviours);
-    }
-    Value::Object(all.entities)
-}
-
-struct Components<'a> {
-    topics: &'a Topics,
-    entities: Map<String, Value>,
-}
-
-impl Components<'_> {
-    fn add_robot(&mut self) {
-        let vacuum = json!({
-            "state_topic": self.topics.named("state"),
-            "command_topic": self.topics.named("command"),
-            "supported_features": ["start", "stop", "return_home", "locate"],
-        });
-        self.add("vacuum", "robot", Value::Null, vacuum);
-        let camera = json!({ "topic": self.topics.named("picture") });
-        self.add("camera", "camera", "Camera".into(), camera);
-        let event = json!({ "state_topic": self.topics.named("event"), "event_types": EVENTS });
-        self.add("event", "event", "Last event".into(), event);
-    }
-
-    fn add_sensors(&mut self) {
-        let state = self.topics.named("state");
-        let sensor = |class: &str, template: &str| {
-            json!({
-                "device_class": class,
-                "state_topic": state,
-                "value_template": template,
-                "entity_category": "diagnostic",
-            })
-        };
-        let mut battery = sensor("battery", "{{ value_json.battery }}");
-        battery["unit_of_measurement"] = "%".into();
-        battery["state_class"] = "measurement".into();
-        self.add("sensor", "battery", "Battery".into(), battery);
-        let charging = "{{ 'ON' if value_json.charging else 'OFF' }}";
-        let charging = sensor("battery_charging", charging);
-        self.add("binary_sensor", "charging", "Charging".into(), charging);
-        let mut problem = sensor("problem", "{{ 'ON' if value_json.problem else 'OFF' }}");
-        problem["json_attributes_topic"] = state.clone().into();
-        problem["json_attributes_template"] =
-            "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
-                .into();
-        self.add("binary_sensor", "problem", "Problem".into(), problem);
-        let mut next = sensor("timestamp", "{{ value_json.next }}");
-        next["json_attributes_topic"] = state.clone().into();
-        next["json_attributes_template"] =
-            "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
-        self.add("sensor", "next", "Next start".into(), next);
-    }
-
-    fn add_buttons(&mut self) {
-        for (payload, name, icon) in [
-            ("dock", "Dock", "mdi:home-import-outline"),
-            ("undock", "Undock", "mdi:home-export-outline"),
-            ("stop", "Stop", "mdi:stop"),
-            ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
-            ("snapshot", "Take a picture", "mdi:camera"),
-        ] {
-            let button = json!({
-                "command_topic": self.topics.named("command"),
-                "payload_press": payload,
-                "icon": icon,
-            });
-            self.add("button", payload, name.into(), button);
-        }
-    }
-
-    fn add_choice_of(&mut self, behaviours: &[String]) {
         let select = json!({
-            "state_topic": self.topics.named("state"),
+            "state_topic": topics.named("state"),
             "value_template": "{{ value_json.behaviour }}",
-            "command_topic": self.topics.named("behaviour/set"),
+            "command_topic": topics.named("behaviour/set"),
             "options": behaviours,
             "icon": "mdi:script-text-play-outline",
         });
-        self.add("select", "behaviour", "Behaviour".into(), select);
+        entities.push(("select", "behaviour", "Behaviour".into(), select));
     }
-
-    fn add(&mut self, platform: &str, key: &str, name: Value, mut entity: Value) {
-        let id = &self.topics.id;
-        let object = format!("{}_{key}", id.to_lowercase().replace('-', "_"));
+    let id = &topics.id;
+    let object = id.to_lowercase().replace('-', "_");
+    let complete = |(platform, key, name, mut entity): Entity| {
         entity["platform"] = platform.into();
         entity["name"] = name;
         entity["unique_id"] = format!("spykee_{id}_{key}").into();
-        entity["default_entity_id"] = format!("{platform}.{object}").into();
-        self.entities.insert(key.to_owned(), entity);
-    }
+        entity["default_entity_id"] = format!("{platform}.{object}_{key}").into();
+        (key.to_owned(), entity)
+    };
+    Value::Object(entities.into_iter().map(complete).collect())
+}
+
+fn robot(topics: &Topics) -> Vec<Entity> {
+    let vacuum = json!({
+        "state_topic": topics.named("state"),
+        "command_topic": topics.named("command"),
+        "supported_features": ["start", "stop", "return_home", "locate"],
+    });
+    let camera = json!({ "topic": topics.named("picture") });
+    let event = json!({ "state_topic": topics.named("event"), "event_types": EVENTS });
+    vec![
+        ("vacuum", "robot", Value::Null, vacuum),
+        ("camera", "camera", "Camera".into(), camera),
+        ("event", "event", "Last event".into(), event),
+    ]
+}
+
+fn sensors(topics: &Topics) -> Vec<Entity> {
+    let state = topics.named("state");
+    let sensor = |class: &str, template: &str| {
+        json!({
+            "device_class": class,
+            "state_topic": state,
+            "value_template": template,
+            "entity_category": "diagnostic",
+        })
+    };
+    let mut battery = sensor("battery", "{{ value_json.battery }}");
+    battery["unit_of_measurement"] = "%".into();
+    battery["state_class"] = "measurement".into();
+    let charging = "{{ 'ON' if value_json.charging else 'OFF' }}";
+    let charging = sensor("battery_charging", charging);
+    let mut problem = sensor("problem", "{{ 'ON' if value_json.problem else 'OFF' }}");
+    problem["json_attributes_topic"] = state.clone().into();
+    problem["json_attributes_template"] =
+        "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
+            .into();
+    let mut next = sensor("timestamp", "{{ value_json.next }}");
+    next["json_attributes_topic"] = state.clone().into();
+    next["json_attributes_template"] =
+        "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
+    vec![
+        ("sensor", "battery", "Battery".into(), battery),
+        ("binary_sensor", "charging", "Charging".into(), charging),
+        ("binary_sensor", "problem", "Problem".into(), problem),
+        ("sensor", "next", "Next start".into(), next),
+    ]
+}
+
+fn buttons(topics: &Topics) -> Vec<Entity> {
+    [
+        ("dock", "Dock", "mdi:home-import-outline"),
+        ("undock", "Undock", "mdi:home-export-outline"),
+        ("stop", "Stop", "mdi:stop"),
+        ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
+        ("snapshot", "Take a picture", "mdi:camera"),
+    ]
+    .map(|(payload, name, icon)| {
+        let button = json!({
+            "command_topic": topics.named("command"),
+            "payload_press": payload,
+            "icon": icon,
+        });
+        ("button", payload, name.into(), button)
+    })
+    .into()
 }
 
 #[cfg(test)]
@@ -169,7 +161,7 @@ mod tests {
 
     #[test]
     fn the_discovery_payload_is_exactly_the_golden_one() {
-        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let topics = Topics::new("SPYKEE0001");
         let behaviours = ["patrol".to_owned(), "guard".to_owned()];
         let mut payload = discovery(&topics, &robot(), &behaviours);
         // Changes with each release.
@@ -182,7 +174,7 @@ mod tests {
 
     #[test]
     fn without_behaviours_there_is_no_select_entity() {
-        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let topics = Topics::new("SPYKEE0001");
         let payload = discovery(&topics, &robot(), &[]);
         assert_eq!(payload["components"]["behaviour"], Value::Null);
         assert!(payload["components"]["robot"].is_object());

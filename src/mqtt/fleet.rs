@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use rumqttc::Publish;
+use serde::Serialize;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
 use super::command::{BrokerCommand, CommandResult};
-use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
-use super::topics::Presence;
-use super::topics::Topics;
+use super::connection::{Account, Connection, ConnectionEvent, QueueFull};
+use super::topics::{PREFIX, Presence, Topics};
 
 /// Timeout for the connection and the subscriptions.
 const OPENING: Duration = Duration::from_secs(10);
@@ -22,17 +23,12 @@ const LONGEST_STATE: usize = 16 << 10;
 /// Maximum number of agents listed.
 const MAX_ROBOTS: usize = 10_000;
 
-/// The broker cannot be reached, or the connection broke.
-#[derive(Debug, thiserror::Error)]
-#[error("no broker at {0}")]
-pub struct FleetError(String);
-
 /// An agent known to the broker.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
     /// Its robot's uid, as used in topics.
     pub robot: String,
-    /// Whether it is connected.
+    #[serde(rename = "connection")]
     pub presence: Presence,
     /// The last state that it published; `Null` if unknown.
     pub state: Value,
@@ -48,10 +44,7 @@ pub struct Fleet {
 
 impl Fleet {
     /// Connects to the broker and lists its agents.
-    ///
-    /// # Errors
-    /// See [`FleetError`].
-    pub async fn connect(account: Account) -> Result<Fleet, FleetError> {
+    pub async fn connect(account: Account) -> Result<Fleet, String> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
         let connection = Connection::connect(&account, &client, None);
         let mut fleet = Fleet {
@@ -76,7 +69,7 @@ impl Fleet {
             match timeout_at(until, self.connection.next()).await {
                 Ok(ConnectionEvent::Up) => {
                     for what in ["connection", "state", "answer"] {
-                        let topic = format!("{}/+/{what}", self.account.options.prefix);
+                        let topic = format!("{PREFIX}/+/{what}");
                         self.connection.subscribe(&topic).map_err(to_message)?;
                     }
                 }
@@ -98,8 +91,8 @@ impl Fleet {
         }
     }
 
-    fn record(&mut self, message: &Message) {
-        let Some((robot, what)) = self.split_topic(&message.topic) else {
+    fn record(&mut self, message: &Publish) {
+        let Some((robot, what)) = split_topic(&message.topic) else {
             return;
         };
         let presence = match what {
@@ -125,11 +118,6 @@ impl Fleet {
         found.state = state.unwrap_or(found.state.take());
     }
 
-    fn split_topic<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
-        let rest = topic.strip_prefix(&self.account.options.prefix)?;
-        rest.strip_prefix('/')?.split_once('/')
-    }
-
     /// Sends a command to these agents and waits for their answers at most this long. The result
     /// lacks agents that did not answer in time.
     ///
@@ -138,42 +126,35 @@ impl Fleet {
     pub async fn ask(
         &mut self,
         robots: &[String],
-        command: &BrokerCommand,
-        limit: Duration,
-    ) -> Result<BTreeMap<String, CommandResult>, FleetError> {
-        let id = format!("{:016x}", rand::random::<u64>());
-        let asked = self.try_ask(robots, command, &id, limit).await;
-        asked.map_err(|why| self.broken(why))
-    }
-
-    async fn try_ask(
-        &mut self,
-        robots: &[String],
-        command: &BrokerCommand,
-        id: &str,
+        command: &str,
         limit: Duration,
     ) -> Result<BTreeMap<String, CommandResult>, String> {
+        let id = format!("{:016x}", rand::random::<u64>());
+        let command = BrokerCommand {
+            command: command.to_owned(),
+            id: Some(id.clone()),
+        };
+        // Serialising strings cannot fail.
+        let payload = serde_json::to_vec(&command).unwrap_or_default();
         let until = Instant::now() + limit;
         let mut answers = BTreeMap::new();
-        let mut waiting = robots.iter();
-        let mut next = waiting.next();
+        let mut waiting = robots.iter().peekable();
         while answers.len() < robots.len() && Instant::now() < until {
             // If the queue is full, the remaining commands follow when it has room.
-            while let Some(robot) = next {
-                let topics = Topics::new(&self.account.options.prefix, "", robot);
-                let payload = command.to_json(id).into_bytes();
-                if self.connection.publish(&topics.named("command"), payload) == Err(QueueFull) {
+            while let Some(robot) = waiting.peek() {
+                let topic = Topics::new(robot).named("command");
+                if self.connection.publish(&topic, payload.clone()) == Err(QueueFull) {
                     break;
                 }
-                next = waiting.next();
+                waiting.next();
             }
             match timeout_at(until, self.connection.next()).await {
                 Ok(ConnectionEvent::Message(message)) => {
-                    if let Some((robot, answer)) = self.answer(&message, id) {
+                    if let Some((robot, answer)) = answer(&message, &id) {
                         answers.insert(robot, answer);
                     }
                 }
-                Ok(ConnectionEvent::Lost(why)) => return Err(why),
+                Ok(ConnectionEvent::Lost(why)) => return Err(self.broken(why)),
                 Ok(_) => {}
                 Err(_) => break,
             }
@@ -181,26 +162,33 @@ impl Fleet {
         Ok(answers)
     }
 
-    fn answer(&self, message: &Message, id: &str) -> Option<(String, CommandResult)> {
-        let (robot, "answer") = self.split_topic(&message.topic)? else {
-            return None;
-        };
-        let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
-        if answer.id.as_deref() != Some(id) {
-            return None;
-        }
-        Some((robot.to_owned(), answer))
-    }
-
-    /// Disconnects.
     pub async fn disconnect(self) {
         self.connection.close(Duration::from_secs(1)).await;
     }
 
-    fn broken(&self, why: String) -> FleetError {
+    fn broken(&self, why: String) -> String {
         let (host, port) = self.account.options.address().unwrap_or_default();
-        FleetError(format!("{host}:{port}: {why}"))
+        format!("no broker at {host}:{port}: {why}")
     }
+}
+
+fn answer(message: &Publish, id: &str) -> Option<(String, CommandResult)> {
+    let (robot, "answer") = split_topic(&message.topic)? else {
+        return None;
+    };
+    let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
+    if answer.command.id.as_deref() != Some(id) {
+        return None;
+    }
+    Some((robot.to_owned(), answer))
+}
+
+/// The robot and the name of its topic.
+fn split_topic(topic: &str) -> Option<(&str, &str)> {
+    topic
+        .strip_prefix(PREFIX)?
+        .strip_prefix('/')?
+        .split_once('/')
 }
 
 fn to_message(_: QueueFull) -> String {

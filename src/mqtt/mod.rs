@@ -23,5 +23,5 @@ mod topics;
 pub use broker_client::start;
 pub use command::{BrokerCommand, CommandResult};
 pub use connection::{Account, publish};
-pub use fleet::{Fleet, FleetError, Found};
+pub use fleet::{Fleet, Found};
 pub use topics::Presence;

@@ -5,38 +5,36 @@ use serde::{Deserialize, Serialize};
 /// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
 
+/// The first part of all topics of agents.
+pub(super) const PREFIX: &str = "spykee";
+/// The first part of the topics in which Home Assistant looks for devices.
+const DISCOVERY: &str = "homeassistant";
+
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Topics {
-    base: String,
-    discovery: String,
     /// The robot's uid, reduced to characters that are safe in topics.
     pub(super) id: String,
 }
 
 impl Topics {
-    pub(super) fn new(prefix: &str, discovery: &str, uid: &str) -> Topics {
-        let id = id_of(uid);
-        Topics {
-            base: format!("{prefix}/{id}"),
-            discovery: discovery.to_owned(),
-            id,
-        }
+    pub(super) fn new(uid: &str) -> Topics {
+        Topics { id: id_of(uid) }
     }
 
     /// The topic of this name: `connection` (the agent's [`Presence`]), `state`, `event`, `picture`,
     /// `answer`, `command`, or `behaviour/set` (the behaviour that `start` starts).
     pub(super) fn named(&self, name: &str) -> String {
-        format!("{}/{name}", self.base)
+        format!("{PREFIX}/{}/{name}", self.id)
     }
 
     /// The description of the entities for Home Assistant. Retained.
     pub(super) fn discovery(&self) -> String {
-        format!("{}/device/{}/config", self.discovery, self.id)
+        format!("{DISCOVERY}/device/{}/config", self.id)
     }
 
     /// Home Assistant's birth message, sent when it starts.
     pub(super) fn birth(&self) -> String {
-        format!("{}/status", self.discovery)
+        format!("{DISCOVERY}/status")
     }
 }
 
@@ -60,22 +58,13 @@ pub(super) fn id_of(uid: &str) -> String {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Presence {
-    /// The agent is connected.
     Online,
-    /// The agent has disconnected.
     Offline,
     /// The connection broke: the broker publishes this on the agent's behalf.
     ConnectionBroken,
 }
 
 impl Presence {
-    const ALL: [Presence; 3] = [
-        Presence::Online,
-        Presence::Offline,
-        Presence::ConnectionBroken,
-    ];
-
-    /// Returns the word used as the payload.
     pub fn word(self) -> &'static str {
         match self {
             Presence::Online => "ONLINE",
@@ -86,8 +75,8 @@ impl Presence {
 
     /// Parses a payload; `None` if it is not one of the words.
     pub(super) fn parse(payload: &[u8]) -> Option<Presence> {
-        let mut all = Presence::ALL.into_iter();
-        all.find(|presence| presence.word().as_bytes() == payload)
+        let word = std::str::from_utf8(payload).ok()?;
+        serde_json::from_value(word.into()).ok()
     }
 }
 
@@ -97,7 +86,7 @@ mod tests {
 
     #[test]
     fn a_uid_cannot_reach_other_topics() {
-        let topics = Topics::new("spykee", "homeassistant", "../#/+\u{0}x");
+        let topics = Topics::new("../#/+\u{0}x");
         assert_eq!(topics.named("command"), "spykee/_______x/command");
         assert_eq!(id_of(""), "robot");
         assert_eq!(id_of(&"a".repeat(1000)).len(), LONGEST_ID);

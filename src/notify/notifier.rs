@@ -16,7 +16,7 @@ use tracing::{debug, warn};
 use super::Notice;
 use super::options::Options;
 use super::queue::Queue;
-use super::rules::{Notification, Rules};
+use super::rules::Rules;
 use super::sender::{BrokerPublisher, Sender};
 use crate::clock::until;
 use crate::rate_limit::TokenBucket;
@@ -41,9 +41,6 @@ impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
     /// Waiting messages are stored in this data folder. Does not wait for disk or network.
-    ///
-    /// # Errors
-    /// If the system cannot start a thread.
     pub fn start(
         bus: &Bus,
         data: &Path,
@@ -117,8 +114,8 @@ impl Dispatcher {
                 () = stop.cancelled() => break,
                 () = until(self.rules.deadline()) => {
                     let now = Instant::now();
-                    let notification = self.rules.poll(now);
-                    self.enqueue(notification, now);
+                    let notice = self.rules.poll(now);
+                    self.enqueue(notice, now);
                 }
                 message = listener.next() => if !self.handle_event(&message) {
                     break;
@@ -136,8 +133,8 @@ impl Dispatcher {
     fn handle_event(&mut self, message: &BusMessage) -> bool {
         match message {
             BusMessage::Event(one) => {
-                let notification = self.rules.handle_event(&one.what, Instant::now());
-                self.enqueue(notification, one.at);
+                let notice = self.rules.handle_event(&one.what, Instant::now());
+                self.enqueue(notice, one.at);
             }
             BusMessage::Missed(missed) => {
                 warn!(missed, "events were lost before a rule could see them")
@@ -147,24 +144,13 @@ impl Dispatcher {
         true
     }
 
-    fn enqueue(&mut self, notification: Option<Notification>, at: Instant) {
-        let Some(Notification {
-            rule,
-            text,
-            picture,
-        }) = notification
-        else {
+    fn enqueue(&mut self, notice: Option<Notice>, at: Instant) {
+        let Some(mut notice) = notice else {
             return;
         };
         let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
         let now = Timestamp::now();
-        let notice = Notice {
-            rule,
-            text,
-            robot: self.rules.robot().to_owned(),
-            at: now.checked_sub(ago).unwrap_or(now).as_millisecond(),
-            picture,
-        };
+        notice.at = now.checked_sub(ago).unwrap_or(now).as_millisecond();
         for queue in &mut self.queues {
             queue.accept(&notice);
         }

@@ -169,9 +169,6 @@ impl Options {
     }
 
     /// Checks what the types cannot express.
-    ///
-    /// # Errors
-    /// What is wrong, in words.
     pub fn check(&self) -> Result<(), String> {
         if self.targets.len() > MAX_TARGETS {
             return Err(format!("notify: at most {MAX_TARGETS} targets"));

@@ -24,12 +24,6 @@ pub(super) struct Queue {
     holds: bool,
 }
 
-#[derive(Debug)]
-pub(super) struct Waiting {
-    pub(super) name: String,
-    pub(super) notice: Notice,
-}
-
 impl Queue {
     pub(super) fn open(data: &Path, target: &str) -> io::Result<Queue> {
         Folder::make(data)?;
@@ -72,9 +66,9 @@ impl Queue {
         self.holds
     }
 
-    /// Returns the oldest message that is not too old at this time, in milliseconds since the
-    /// epoch.
-    pub(super) fn oldest(&self, now: i64) -> io::Result<Option<Waiting>> {
+    /// The oldest message, and the name of its file, that is not too old at this time, in milliseconds
+    /// since the epoch.
+    pub(super) fn oldest(&self, now: i64) -> io::Result<Option<(String, Notice)>> {
         for name in self.names()? {
             let read = self.folder.read(&name, MAX_LEN);
             let notice = read
@@ -83,7 +77,7 @@ impl Queue {
                 .and_then(|text| serde_json::from_slice(&text).ok());
             match notice {
                 Some(notice) if is_fresh(&notice, now) => {
-                    return Ok(Some(Waiting { name, notice }));
+                    return Ok(Some((name, notice)));
                 }
                 // Too old, or not a valid message.
                 _ => self.remove(&name),
@@ -145,11 +139,11 @@ mod tests {
         queue.add(&notice("two", 6)).unwrap();
         drop(queue);
         let queue = Queue::open(data.path(), "phone").unwrap();
-        let first = queue.oldest(10).unwrap().unwrap();
-        assert_eq!(first.notice.text, "one");
-        queue.remove(&first.name);
+        let (name, first) = queue.oldest(10).unwrap().unwrap();
+        assert_eq!(first.text, "one");
+        queue.remove(&name);
         queue.add(&notice("three", 7)).unwrap();
-        assert_eq!(queue.oldest(10).unwrap().unwrap().notice.text, "two");
+        assert_eq!(queue.oldest(10).unwrap().unwrap().1.text, "two");
         assert_eq!(queue.len(), 2);
     }
 

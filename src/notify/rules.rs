@@ -1,26 +1,18 @@
 //! Decides which events become notifications, and with which text. Pure: the time is an argument.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use serde_json::Value;
 use tokio::time::Instant;
 
-use super::Rule;
+use super::{Notice, Rule};
 use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, RobotInfo, STOP_HOLDS, SafetyAction};
 
 /// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
 /// Maximum length of a text, in characters.
 const LONGEST: usize = 1000;
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Notification {
-    pub(super) rule: Rule,
-    pub(super) text: String,
-    pub(super) picture: Option<PathBuf>,
-}
 
 #[derive(Debug)]
 enum Link {
@@ -57,11 +49,7 @@ impl Rules {
         }
     }
 
-    pub(super) fn robot(&self) -> &str {
-        self.robot.as_deref().unwrap_or("spykee")
-    }
-
-    fn link_up(&mut self, robot: &RobotInfo) -> Option<Notification> {
+    fn link_up(&mut self, robot: &RobotInfo) -> Option<Notice> {
         let name = if robot.name.is_empty() {
             &robot.uid
         } else {
@@ -73,10 +61,10 @@ impl Rules {
             return None;
         }
         let text = format!("{name} is in reach again");
-        Some(notification(Rule::Unreachable, text))
+        Some(self.notice(Rule::Unreachable, text))
     }
 
-    pub(super) fn handle_event(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
+    pub(super) fn handle_event(&mut self, what: &AgentEvent, now: Instant) -> Option<Notice> {
         match what {
             AgentEvent::LinkUp { robot, .. } => self.link_up(robot),
             AgentEvent::LinkDown { reason } => {
@@ -94,7 +82,9 @@ impl Rules {
                 if !*low || was_low {
                     return None;
                 }
-                Some(notification(Rule::Low, self.low_text()))
+                let level = self.battery.map(|battery| format!(": {}", battery.level()));
+                let text = format!("the battery is low{}", level.unwrap_or_default());
+                Some(self.notice(Rule::Low, text))
             }
             AgentEvent::Safety {
                 action: SafetyAction::Alarm,
@@ -114,7 +104,7 @@ impl Rules {
     }
 
     /// Handles what a behaviour did.
-    fn of_behaviour(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
+    fn of_behaviour(&mut self, what: &AgentEvent, now: Instant) -> Option<Notice> {
         match what {
             AgentEvent::Ended {
                 behaviour,
@@ -128,7 +118,7 @@ impl Rules {
             }
             AgentEvent::GivenUp { behaviour, message } => {
                 let text = format!("{behaviour} is given up, it failed too often: {message}");
-                Some(notification(Rule::RunFailed, text))
+                Some(self.notice(Rule::RunFailed, text))
             }
             AgentEvent::StopReset { .. } => {
                 self.stop_told = false;
@@ -150,21 +140,16 @@ impl Rules {
                 let text = format!("{behaviour}: {what}{}", fields(data));
                 self.once(Rule::Moved, kind, text, now)
             }
-            AgentEvent::Notify { text, picture, .. } => Some(Notification {
+            AgentEvent::Notify { text, picture, .. } => Some(Notice {
                 picture: picture.clone(),
-                ..notification(Rule::Script, text.clone())
+                ..self.notice(Rule::Script, text.clone())
             }),
             _ => None,
         }
     }
 
     /// Of the starts that a person's STOP prevents, people are told of the first.
-    fn start_missed(
-        &mut self,
-        behaviour: &str,
-        reason: &str,
-        now: Instant,
-    ) -> Option<Notification> {
+    fn start_missed(&mut self, behaviour: &str, reason: &str, now: Instant) -> Option<Notice> {
         if reason != STOP_HOLDS {
             let text = format!("{behaviour} did not start: {reason}");
             return self.once(Rule::StartMissed, behaviour, text, now);
@@ -174,7 +159,7 @@ impl Rules {
         }
         let text =
             format!("{behaviour} did not start, and nothing else will by the timetable: {reason}");
-        Some(notification(Rule::StartMissed, text))
+        Some(self.notice(Rule::StartMissed, text))
     }
 
     pub(super) fn deadline(&self) -> Option<Instant> {
@@ -185,7 +170,7 @@ impl Rules {
     }
 
     /// Reports a robot that has been out of reach for too long.
-    pub(super) fn poll(&mut self, now: Instant) -> Option<Notification> {
+    pub(super) fn poll(&mut self, now: Instant) -> Option<Notice> {
         if self.deadline().is_none_or(|deadline| now < deadline) {
             return None;
         }
@@ -194,28 +179,24 @@ impl Rules {
         };
         let minutes = self.unreachable_after.as_secs_f64() / 60.0;
         let why = why.map_or_else(String::new, |why| format!(": {why}"));
-        let text = format!(
-            "{} has been out of reach for {minutes:.0} min{why}",
-            self.robot()
-        );
-        Some(notification(Rule::Unreachable, text))
+        let robot = self.robot.as_deref().unwrap_or("spykee");
+        let text = format!("{robot} has been out of reach for {minutes:.0} min{why}");
+        Some(self.notice(Rule::Unreachable, text))
     }
 
-    fn low_text(&self) -> String {
-        match self.battery {
-            Some(battery) => format!("the battery is low: {}", battery.level()),
-            None => "the battery is low".to_owned(),
+    /// A notice whose time is still to be set.
+    fn notice(&self, rule: Rule, text: String) -> Notice {
+        Notice {
+            rule,
+            text: text.chars().take(LONGEST).collect(),
+            robot: self.robot.as_deref().unwrap_or("spykee").to_owned(),
+            at: 0,
+            picture: None,
         }
     }
 
-    /// Returns the notification, unless the same problem was reported recently.
-    fn once(
-        &mut self,
-        rule: Rule,
-        about: &str,
-        text: String,
-        now: Instant,
-    ) -> Option<Notification> {
+    /// Returns the notice, unless the same problem was reported recently.
+    fn once(&mut self, rule: Rule, about: &str, text: String, now: Instant) -> Option<Notice> {
         self.last_reported
             .retain(|_, at| now.saturating_duration_since(*at) < AGAIN);
         let key = (rule, about.to_owned());
@@ -223,15 +204,7 @@ impl Rules {
             return None;
         }
         self.last_reported.insert(key, now);
-        Some(notification(rule, text))
-    }
-}
-
-fn notification(rule: Rule, text: String) -> Notification {
-    Notification {
-        rule,
-        text: text.chars().take(LONGEST).collect(),
-        picture: None,
+        Some(self.notice(rule, text))
     }
 }
 

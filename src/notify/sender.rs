@@ -125,8 +125,8 @@ impl Sender {
         };
         while !self.abort.is_cancelled() && queue.len() > 0 && queue.is_ours() {
             let now = Timestamp::now().as_millisecond();
-            let waiting = match queue.oldest(now) {
-                Ok(Some(waiting)) => waiting,
+            let (name, notice) = match queue.oldest(now) {
+                Ok(Some(oldest)) => oldest,
                 Ok(None) => return true,
                 Err(_) => return false,
             };
@@ -134,18 +134,18 @@ impl Sender {
                 &self.target,
                 &self.token,
                 &self.publisher,
-                &waiting.notice,
+                &notice,
                 &self.abort,
             );
             match delivery {
                 Delivery::Done => {
-                    let event = waiting.notice.rule.name();
+                    let event = notice.rule.name();
                     info!(target = self.name, event, "notification sent");
-                    queue.remove(&waiting.name);
+                    queue.remove(&name);
                 }
                 Delivery::Refused(why) => {
                     warn!(target = self.name, "a message was dropped: {why}");
-                    queue.remove(&waiting.name);
+                    queue.remove(&name);
                 }
                 Delivery::Later(why) => {
                     let waiting = queue.len();

@@ -14,17 +14,17 @@ use tracing::{error, info, warn};
 
 use super::idle::{self, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{Listeners, Reload, ServicePlan, View};
+use super::{ManagerNotifier, RecordFile, Reload, ServicePlan, View};
 use crate::agent::{
-    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, PilotClient, PilotClientError,
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, PilotClient, PilotClientError,
     Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
-use crate::control::Change;
+use crate::control::{self, Change};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
-use crate::timetable::{Act, Due, NextStart, Notice, Planner, PlannerInputs, Record};
+use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
@@ -47,7 +47,10 @@ pub(super) struct Executor {
     docking_task: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
     last_record: Option<Record>,
-    listeners: Listeners,
+    pub(super) file: RecordFile,
+    pub(super) notifier: ManagerNotifier,
+    pub(super) bus: Bus,
+    pub(super) view: watch::Sender<View>,
     last_status: String,
     implausible: bool,
     /// Whether a person's STOP holds.
@@ -55,6 +58,7 @@ pub(super) struct Executor {
 }
 
 impl Executor {
+    /// An executor whose record, manager, bus and view are those of nobody.
     pub(super) fn new(
         roster: Roster,
         requests: mpsc::Sender<Request>,
@@ -62,7 +66,6 @@ impl Executor {
         clock: Clock,
         planner: Planner,
         service_plan: ServicePlan,
-        listeners: Listeners,
     ) -> Executor {
         Executor {
             statuses: roster.statuses(),
@@ -71,7 +74,7 @@ impl Executor {
             status,
             clock,
             planner,
-            idle: IdleRobot::new(service_plan.idle),
+            idle: IdleRobot::new(service_plan.idle.clone()),
             waiting: service_plan.always.iter().cloned().collect(),
             service_plan,
             orders: Orders::new(roster),
@@ -79,7 +82,10 @@ impl Executor {
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
-            listeners,
+            file: RecordFile::default(),
+            notifier: ManagerNotifier::default(),
+            bus: Bus::default(),
+            view: View::channel().0,
             last_status: String::new(),
             implausible: false,
             stopped: false,
@@ -93,7 +99,7 @@ impl Executor {
         mut reloads: mpsc::Receiver<Reload>,
         stop: CancellationToken,
     ) -> Infallible {
-        self.listeners.notifier.ready();
+        self.notifier.ready();
         loop {
             let pause = self.step();
             tokio::select! {
@@ -210,13 +216,39 @@ impl Executor {
                 info!(behaviour = run, "its time is over");
                 self.orders.give(Change::Stop, run);
             }
-            Act::Report(notice) => {
-                let zone = &self.service_plan.table.zone;
-                if let Some((run, reason)) = log_notice(&notice, zone) {
-                    self.report_missed(run, reason);
-                }
+            Act::ReportMissed {
+                run,
+                planned,
+                count,
+            } => {
+                let planned = self.describe(planned);
+                warn!(
+                    behaviour = run,
+                    count,
+                    "a start was missed: the service did not run, or the clock was not set; the last \
+                     one was planned for {planned}"
+                );
+                self.report_missed(&run, "the service did not run then");
             }
+            Act::ReportNoRobot { run, planned } => {
+                let planned = self.describe(planned);
+                warn!(
+                    behaviour = run,
+                    "a start was missed: no robot was connected; it was planned for {planned}"
+                );
+                self.report_missed(&run, "no robot was connected");
+            }
+            Act::ReportOverlap { run, planned } => {
+                let planned = self.describe(planned);
+                warn!(behaviour = run, "not started at {planned}: it still runs");
+                self.report_missed(&run, "it still runs");
+            }
+            Act::ReportClockSet { seconds } => info!("the clock was set by {seconds} s"),
         }
+    }
+
+    fn describe(&self, at: Timestamp) -> String {
+        clock::describe(&self.service_plan.table.zone.time(at))
     }
 
     fn start(&mut self, due: Due) {
@@ -231,13 +263,13 @@ impl Executor {
         } else {
             "starts by the timetable, planned for"
         };
-        let planned = clock::describe(&self.service_plan.table.zone.time(due.planned));
+        let planned = self.describe(due.planned);
         info!(behaviour = run, "{doing} {planned}");
         self.orders.give(Change::Start, run);
     }
 
     fn report_missed(&self, run: &str, reason: impl Into<String>) {
-        self.listeners.bus.publish(AgentEvent::StartMissed {
+        self.bus.publish(AgentEvent::StartMissed {
             behaviour: run.to_owned(),
             reason: reason.into(),
         });
@@ -341,7 +373,7 @@ impl Executor {
         let new = new.filter(|name| !self.running.contains(*name)).cloned();
         self.waiting.extend(new);
         self.planner.replace(self.service_plan.table.clone());
-        self.idle.replace(self.service_plan.idle);
+        self.idle.replace(self.service_plan.idle.clone());
         info!("the new settings are in effect");
     }
 
@@ -349,7 +381,7 @@ impl Executor {
     fn save_record(&mut self) {
         let record = self.planner.record();
         let is_news = is_news(self.last_record.as_ref(), &record);
-        if is_news && self.listeners.file.save(record.clone()) {
+        if is_news && self.file.save(record.clone()) {
             self.last_record = Some(record);
         }
     }
@@ -368,7 +400,7 @@ impl Executor {
             }),
             quiet: self.quiet != Quiet::Off,
         };
-        self.listeners.view.send_if_modified(|shown| {
+        self.view.send_if_modified(|shown| {
             let news = *shown != view;
             shown.clone_from(&view);
             news
@@ -376,7 +408,7 @@ impl Executor {
         let running = self.running.iter().map(String::as_str);
         let text = status_line(status, running, next, &self.service_plan.table.zone);
         if text != self.last_status {
-            self.listeners.notifier.status(text.clone());
+            self.notifier.status(&text);
             self.last_status = text;
         }
     }
@@ -426,19 +458,15 @@ impl Orders {
         self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
         self.tasks.spawn(async move {
-            match order {
-                Change::Start => {
-                    let started = roster.start(&run, None).await;
-                    OrderResult::Started(run, started)
-                }
-                Change::Stop => {
-                    let stopped = roster.stop(&run).await;
-                    OrderResult::Changed(run, stopped)
-                }
-                Change::Restart => {
-                    let restarted = roster.restart(&run).await;
-                    OrderResult::Changed(run, restarted)
-                }
+            let done = match order {
+                Change::Start => roster.start(&run, None).await,
+                Change::Stop => roster.stop(&run).await,
+                Change::Restart => roster.restart(&run).await,
+            };
+            if order == Change::Start {
+                OrderResult::Started(run, done)
+            } else {
+                OrderResult::Changed(run, done)
             }
         });
     }
@@ -474,45 +502,6 @@ async fn send_home(requests: mpsc::Sender<Request>) -> Result<DockOutcome, Pilot
     client?.dock(DockPlan::DEFAULT).await
 }
 
-/// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
-/// reason.
-fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
-    let time = |at: &Timestamp| clock::describe(&zone.time(*at));
-    match notice {
-        Notice::Missed {
-            run,
-            planned,
-            count,
-        } => {
-            let planned = time(planned);
-            warn!(
-                behaviour = run,
-                count,
-                "a start was missed: the service did not run, or the clock was not set; the last one \
-                 was planned for {planned}"
-            );
-            Some((run.as_str(), "the service did not run then"))
-        }
-        Notice::NoRobot { run, planned } => {
-            let planned = time(planned);
-            warn!(
-                behaviour = run,
-                "a start was missed: no robot was connected; it was planned for {planned}"
-            );
-            Some((run.as_str(), "no robot was connected"))
-        }
-        Notice::Overlap { run, planned } => {
-            let planned = time(planned);
-            warn!(behaviour = run, "not started at {planned}: it still runs");
-            Some((run.as_str(), "it still runs"))
-        }
-        Notice::ClockSet { seconds } => {
-            info!("the clock was set by {seconds} s");
-            None
-        }
-    }
-}
-
 fn log_quiet_hours(quiet: Quiet) {
     match quiet {
         Quiet::Off => info!("quiet hours are over"),
@@ -546,12 +535,7 @@ fn status_line<'a>(
     next: Option<(Timestamp, &str)>,
     zone: &Zone,
 ) -> String {
-    let robot = match (status.link, status.link.absence()) {
-        (LinkState::Connecting, _) => "waiting for the robot".to_owned(),
-        (_, Some(words)) => words.to_owned(),
-        (_, None) if status.emergency_stop => "stopped by a person".to_owned(),
-        (_, None) => status.safety.to_string(),
-    };
+    let robot = control::describe(status);
     let running: Vec<&str> = running.collect();
     let running = if running.is_empty() {
         "no behaviour runs".to_owned()
@@ -570,9 +554,9 @@ mod tests {
     use tokio::time::timeout;
 
     use super::*;
-    use crate::agent::{Bus, BusMessage, Listener};
+    use crate::agent::{BusMessage, Listener};
+    use crate::config;
     use crate::robot::{BehaviourId, Priority};
-    use crate::service::{IdlePolicy, RecordFile};
     use crate::timetable::{Rule, Timetable};
 
     type Reply = oneshot::Sender<Result<(), RosterError>>;
@@ -603,17 +587,15 @@ mod tests {
                 quiet: None,
                 catch_up: "10m".parse().unwrap(),
             };
-            let idle = IdlePolicy {
-                release: false,
-                after: Duration::from_secs(60),
-                dock: false,
-            };
             let service_plan = ServicePlan {
                 specs: Vec::new(),
                 always: Vec::new(),
                 table: table.clone(),
                 quiet_alarm: true,
-                idle,
+                idle: config::Service {
+                    dock: false,
+                    ..config::Service::default()
+                },
             };
             let bus = Bus::default();
             let statuses = watch::Sender::new(Vec::new());
@@ -628,21 +610,17 @@ mod tests {
                 orders,
                 heard: bus.subscribe(),
             };
-            let listeners = Listeners {
-                file: RecordFile::default(),
-                notifier: crate::service::ManagerNotifier::default(),
+            let mut executor = Executor {
                 bus,
-                view: View::channel().0,
+                ..Executor::new(
+                    roster,
+                    mpsc::channel(8).0,
+                    fixture.status.subscribe(),
+                    Clock::default(),
+                    Planner::new(table, Record::default()),
+                    service_plan,
+                )
             };
-            let mut executor = Executor::new(
-                roster,
-                mpsc::channel(8).0,
-                fixture.status.subscribe(),
-                Clock::default(),
-                Planner::new(table, Record::default()),
-                service_plan,
-                listeners,
-            );
             // Nobody reloads.
             let work = async move {
                 executor

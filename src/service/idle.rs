@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::IdlePolicy;
+use crate::config::{Idle, Service};
 use crate::pilot::LinkState;
 use crate::rate_limit::Backoff;
 
@@ -37,7 +37,7 @@ pub(super) enum IdleAction {
 
 #[derive(Debug)]
 pub(super) struct IdleRobot {
-    policy: IdlePolicy,
+    policy: Service,
     /// Since when no behaviour runs and the robot is connected.
     since: Option<Instant>,
     docking: bool,
@@ -48,7 +48,7 @@ pub(super) struct IdleRobot {
 }
 
 impl IdleRobot {
-    pub(super) fn new(policy: IdlePolicy) -> IdleRobot {
+    pub(super) fn new(policy: Service) -> IdleRobot {
         IdleRobot {
             policy,
             since: None,
@@ -59,7 +59,7 @@ impl IdleRobot {
         }
     }
 
-    pub(super) fn replace(&mut self, policy: IdlePolicy) {
+    pub(super) fn replace(&mut self, policy: Service) {
         self.policy = policy;
     }
 
@@ -78,6 +78,7 @@ impl IdleRobot {
     }
 
     pub(super) fn poll(&mut self, inputs: IdleInputs) -> Option<IdleAction> {
+        let release = self.policy.idle == Idle::Release;
         if self.asked.is_some_and(|link| link != inputs.link) {
             self.asked = None;
         }
@@ -93,7 +94,7 @@ impl IdleRobot {
             }
             return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
         }
-        if inputs.link == LinkState::Released && !self.policy.release {
+        if inputs.link == LinkState::Released && !release {
             return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
         }
         if inputs.link != LinkState::Up {
@@ -101,11 +102,11 @@ impl IdleRobot {
             return None;
         }
         let since = *self.since.get_or_insert(inputs.now);
-        if inputs.now < since + self.policy.after || self.docking || inputs.low {
+        if inputs.now < since + self.policy.idle_after.get() || self.docking || inputs.low {
             return None;
         }
         if inputs.docked {
-            if !self.policy.release {
+            if !release {
                 return None;
             }
             return self.request_once(inputs.link, LinkState::Up, IdleAction::Release);
@@ -119,7 +120,7 @@ impl IdleRobot {
 
     /// When to poll again if nothing happens before.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        let idle = self.since.map(|since| since + self.policy.after);
+        let idle = self.since.map(|since| since + self.policy.idle_after.get());
         idle.max(self.next)
     }
 
@@ -145,10 +146,9 @@ mod tests {
     const MINUTE: Duration = Duration::from_secs(60);
 
     fn idle(release: bool) -> (IdleRobot, IdleInputs) {
-        let policy = IdlePolicy {
-            release,
-            after: MINUTE,
-            dock: true,
+        let policy = Service {
+            idle: if release { Idle::Release } else { Idle::Keep },
+            ..Service::default()
         };
         let inputs = IdleInputs {
             now: Instant::now(),

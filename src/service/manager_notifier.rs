@@ -13,17 +13,11 @@ use crate::side_thread::SideThread;
 /// Capacity of the queue. Further messages are dropped; the next change sends the current state.
 const WAITING: usize = 16;
 
-enum ManagerMessage {
-    Ready,
-    Status(String),
-    Alive,
-    Stopping,
-}
-
 /// Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
 pub struct ManagerNotifier {
-    messages: Option<mpsc::Sender<ManagerMessage>>,
+    /// Lines for the manager, such as `READY=1`.
+    messages: Option<mpsc::Sender<String>>,
 }
 
 impl ManagerNotifier {
@@ -42,15 +36,16 @@ impl ManagerNotifier {
     }
 
     pub fn ready(&self) {
-        self.send(ManagerMessage::Ready);
+        self.send("READY=1".to_owned());
     }
 
-    pub fn status(&self, text: impl Into<String>) {
-        self.send(ManagerMessage::Status(text.into()));
+    /// Line breaks in the text would begin another message.
+    pub fn status(&self, text: &str) {
+        self.send(format!("STATUS={}", text.replace(['\n', '\r'], " ")));
     }
 
     pub fn stopping(&self) {
-        self.send(ManagerMessage::Stopping);
+        self.send("STOPPING=1".to_owned());
     }
 
     /// Forwards the heartbeats of the driving core to the manager's watchdog, if it has one, four
@@ -67,37 +62,25 @@ impl ManagerNotifier {
             let now = Instant::now();
             if last.is_none_or(|last| now.saturating_duration_since(last) >= pace) {
                 last = Some(now);
-                self.send(ManagerMessage::Alive);
+                self.send("WATCHDOG=1".to_owned());
             }
         }
     }
 
-    fn send(&self, message: ManagerMessage) {
+    fn send(&self, message: String) {
         if let Some(sender) = &self.messages {
             let _ = sender.try_send(message);
         }
     }
 }
 
-async fn forward(mut messages: mpsc::Receiver<ManagerMessage>) {
+async fn forward(mut messages: mpsc::Receiver<String>) {
     let mut failed = false;
-    let mut send = |state: &[NotifyState<'_>]| {
-        if let (Err(error), false) = (sd_notify::notify(state), failed) {
+    while let Some(message) = messages.recv().await {
+        let sent = sd_notify::notify(&[NotifyState::Custom(&message)]);
+        if let (Err(error), false) = (sent, failed) {
             tracing::warn!("the service manager cannot be notified: {error}");
             failed = true;
         }
-    };
-    while let Some(message) = messages.recv().await {
-        match message {
-            ManagerMessage::Ready => send(&[NotifyState::Ready]),
-            ManagerMessage::Status(text) => send(&[NotifyState::Status(&one_line(&text))]),
-            ManagerMessage::Alive => send(&[NotifyState::Watchdog]),
-            ManagerMessage::Stopping => send(&[NotifyState::Stopping]),
-        }
     }
-}
-
-/// Removes line breaks, which would begin another message.
-fn one_line(text: &str) -> String {
-    text.replace(['\n', '\r'], " ")
 }

@@ -8,7 +8,6 @@ mod manager_notifier;
 mod record;
 
 use std::path::Path;
-use std::time::Duration;
 
 use jiff::Timestamp;
 use tokio::sync::{mpsc, watch};
@@ -17,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 use self::executor::Executor;
 use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome, Plan};
 use crate::clock::{Clock, is_plausible};
+use crate::config;
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
 use crate::timetable::{Planner, Timetable};
@@ -36,7 +36,8 @@ pub struct ServicePlan {
     pub table: Timetable,
     /// Whether quiet hours also silence the alarm.
     pub quiet_alarm: bool,
-    pub idle: IdlePolicy,
+    /// What happens while no behaviour runs.
+    pub idle: config::Service,
 }
 
 impl ServicePlan {
@@ -54,29 +55,12 @@ impl ServicePlan {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct IdlePolicy {
-    /// Whether to release its link when it is on its station.
-    pub release: bool,
-    /// How long after the end of the last behaviour the robot counts as idle.
-    pub after: Duration,
-    /// Whether to send it to its station when it is off it.
-    pub dock: bool,
-}
-
 /// A new plan, and the behaviours affected by the change.
 #[derive(Debug)]
 pub struct Reload {
     pub service_plan: ServicePlan,
     /// Behaviours whose definition has changed; the running ones are restarted.
     pub changed: Vec<String>,
-}
-
-struct Listeners {
-    file: RecordFile,
-    notifier: ManagerNotifier,
-    bus: Bus,
-    view: watch::Sender<View>,
 }
 
 pub struct Service {
@@ -117,58 +101,45 @@ impl Service {
         }
     }
 
-    /// Runs until `stop` is cancelled.
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
+        let notifier = self.notifier.clone();
+        let planner = Planner::new(self.service_plan.table.clone(), self.record.record.clone());
         let mut executor = Executor::new(
             self.agent.roster(),
             self.agent.requests(),
             self.status,
             self.clock,
-            Planner::new(self.service_plan.table.clone(), self.record.record.clone()),
+            planner,
             self.service_plan,
-            Listeners {
-                file: self.record,
-                notifier: self.notifier.clone(),
-                bus: self.bus,
-                view: self.view,
-            },
         );
+        executor.file = self.record;
+        executor.notifier = self.notifier;
+        executor.bus = self.bus;
+        executor.view = self.view;
         let outcome = tokio::select! {
             biased;
             outcome = self.agent.run(stop.clone()) => outcome,
             never = executor.work(self.reloads, stop) => match never {},
         };
-        self.notifier.stopping();
+        notifier.stopping();
         outcome
     }
 }
 
-/// The settings of the unit that differ between installations.
-#[derive(Debug, Clone)]
-pub struct Unit<'a> {
-    pub program: &'a Path,
-    pub config: &'a Path,
-    /// A file with the robot's password, which systemd passes to the service; `None`: the robot's
-    /// default password.
-    pub password: Option<&'a Path>,
-    /// The user that runs the service; `None`: systemd creates one, called spykee.
-    pub user: Option<&'a str>,
-}
-
-pub fn unit(unit: &Unit<'_>) -> String {
-    let program = escaped(unit.program);
-    let config = escaped(unit.config);
-    let password = unit.password.map_or_else(String::new, |path| {
+/// A unit for systemd. Of a password, systemd passes the file to the service; without a user it creates
+/// one, called spykee.
+pub fn unit(program: &Path, config: &Path, password: Option<&Path>, user: Option<&str>) -> String {
+    let password = password.map_or_else(String::new, |path| {
         format!("LoadCredential=password:{}\n", escaped(path))
     });
-    let user = match unit.user {
+    let user = match user {
         Some(name) => format!("User={}", name.replace('%', "%%")),
         None => "DynamicUser=yes\nUser=spykee".to_owned(),
     };
     TEMPLATE
         .replace("@USER@", &user)
-        .replace("@PROGRAM@", &program)
-        .replace("@CONFIG@", &config)
+        .replace("@PROGRAM@", &escaped(program))
+        .replace("@CONFIG@", &escaped(config))
         .replace("@PASSWORD@\n", &password)
 }
 
@@ -189,13 +160,14 @@ mod tests {
 
     #[test]
     fn all_placeholders_of_the_unit_are_filled() {
-        let of = Unit {
-            program: Path::new("/opt/my robot/spykee"),
-            config: Path::new("/etc/spykee/100%.yaml"),
-            password: Some(Path::new("/etc/spykee/password")),
-            user: None,
-        };
-        let text = unit(&of);
+        let program = Path::new("/opt/my robot/spykee");
+        let config = Path::new("/etc/spykee/100%.yaml");
+        let text = unit(
+            program,
+            config,
+            Some(Path::new("/etc/spykee/password")),
+            None,
+        );
         assert!(
             text.contains(
                 "ExecStart=\"/opt/my robot/spykee\" serve --config /etc/spykee/100%%.yaml"
@@ -204,11 +176,7 @@ mod tests {
         assert!(text.contains("LoadCredential=password:/etc/spykee/password\n"));
         assert!(text.contains("DynamicUser=yes\nUser=spykee\n"));
         assert!(!text.contains("@PROGRAM@") && !text.contains("@CONFIG@"));
-        let without = unit(&Unit {
-            password: None,
-            user: Some("rover"),
-            ..of
-        });
+        let without = unit(program, config, None, Some("rover"));
         assert!(!without.contains("LoadCredential") && !without.contains("@PASSWORD@"));
         assert!(without.contains("\nUser=rover\n") && !without.contains("DynamicUser"));
         assert!(!without.contains("@USER@"));

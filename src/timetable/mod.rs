@@ -8,5 +8,5 @@ mod planner;
 mod rule;
 
 pub use pattern::{Pattern, TimetableError};
-pub use planner::{Act, Due, Notice, Planner, PlannerInputs, Record, UnderWay};
+pub use planner::{Act, Due, Planner, PlannerInputs, Record, UnderWay};
 pub use rule::{NextStart, PredictedStart, Quiet, Reason, Rule, Timetable, View, predict_starts};

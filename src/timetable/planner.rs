@@ -195,7 +195,7 @@ impl Planner {
         let leap = inputs.now.duration_since(before) - passed.unwrap_or_default();
         if leap.abs() > CLOCK_LEAP {
             let seconds = leap.as_secs();
-            acts.push(Act::Report(Notice::ClockSet { seconds }));
+            acts.push(Act::ReportClockSet { seconds });
         }
         if looked.duration_since(inputs.now) > MAX_SETBACK {
             self.plan_from(inputs.now);
@@ -278,12 +278,11 @@ impl Planner {
             let count = missed + usize::from(late_too);
             if count > 0 {
                 let run = run.clone();
-                let notice = Notice::Missed {
+                acts.push(Act::ReportMissed {
                     run,
                     planned,
                     count,
-                };
-                acts.push(Act::Report(notice));
+                });
             }
             if !late_too {
                 self.due.push(Due {
@@ -321,10 +320,10 @@ impl Planner {
             let busy = busy || self.started.iter().any(|one| one.due.run == run);
             if busy {
                 if !due.resumed {
-                    acts.push(Act::Report(Notice::Overlap { run, planned }));
+                    acts.push(Act::ReportOverlap { run, planned });
                 }
             } else if !due.resumed && inputs.now.duration_since(planned) > allowed(&self.table) {
-                acts.push(Act::Report(Notice::NoRobot { run, planned }));
+                acts.push(Act::ReportNoRobot { run, planned });
             } else if inputs.ready {
                 acts.push(self.start(due, inputs));
             } else {
@@ -361,23 +360,24 @@ pub enum Act {
     End {
         run: String,
     },
-    Report(Notice),
-}
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Notice {
     /// Starts were missed: the program did not run, or the clock was not set.
-    Missed {
+    ReportMissed {
         run: String,
         /// The planned time of the latest start, which is missed or made up for.
         planned: Timestamp,
         count: usize,
     },
     /// A start was missed: no robot was connected before it was too late.
-    NoRobot { run: String, planned: Timestamp },
+    ReportNoRobot {
+        run: String,
+        planned: Timestamp,
+    },
     /// A start was skipped: the behaviour still runs.
-    Overlap { run: String, planned: Timestamp },
-    ClockSet {
+    ReportOverlap {
+        run: String,
+        planned: Timestamp,
+    },
+    ReportClockSet {
         /// By how many seconds; negative: back.
         seconds: i64,
     },
@@ -468,7 +468,7 @@ mod tests {
                         self.running.retain(|name| name != run);
                         self.planner.ended(run);
                     }
-                    Act::Report(_) => {}
+                    _ => {}
                 }
                 self.acts.push((self.now, act));
             }
@@ -502,15 +502,11 @@ mod tests {
             self.acts.iter().filter_map(start).collect()
         }
 
-        fn notices(&self) -> Vec<&Notice> {
-            let is_notice = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Report(_));
-            let notices = self.acts.iter().filter(|act| is_notice(act));
-            notices
-                .map(|(_, act)| match act {
-                    Act::Report(notice) => notice,
-                    _ => unreachable!(),
-                })
-                .collect()
+        /// What is reported.
+        fn notices(&self) -> Vec<&Act> {
+            let is_order = |act: &Act| matches!(act, Act::Start(_) | Act::End { .. });
+            let acts = self.acts.iter().map(|(_, act)| act);
+            acts.filter(|act| !is_order(act)).collect()
         }
     }
 
@@ -584,7 +580,7 @@ mod tests {
         let record = world.planner.record();
         let mut next = World::after(patrol(), "2026-05-06 09:01", record);
         next.pass(MINUTE);
-        let missed = Notice::Missed {
+        let missed = Act::ReportMissed {
             run: "patrol".to_owned(),
             planned: when("2026-05-06 09:00"),
             count: 4,
@@ -662,7 +658,7 @@ mod tests {
         let mut world = World::new(table(&rules, "10m"), "2026-05-04 08:00");
         world.pass(4 * 60 * MINUTE);
         assert_eq!(world.starts(), ["patrol 04 09:00"]);
-        let overlap = Notice::Overlap {
+        let overlap = Act::ReportOverlap {
             run: "patrol".to_owned(),
             planned: when("2026-05-04 10:00"),
         };
@@ -686,7 +682,7 @@ mod tests {
         let mut world = World::new(patrol(), "2026-05-04 08:59");
         world.ready = false;
         world.pass(30 * MINUTE);
-        assert!(matches!(world.notices()[..], [Notice::NoRobot { .. }]));
+        assert!(matches!(world.notices()[..], [Act::ReportNoRobot { .. }]));
         assert!(!world.planner.is_due());
     }
 
@@ -697,7 +693,9 @@ mod tests {
         world.set_clock("2026-05-04 08:58");
         world.pass(3 * 60 * MINUTE);
         assert_eq!(world.starts(), ["patrol 04 09:00"]);
-        assert!(matches!(world.notices()[..], [Notice::ClockSet { seconds }] if *seconds < -2000));
+        assert!(
+            matches!(world.notices()[..], [Act::ReportClockSet { seconds }] if *seconds < -2000)
+        );
     }
 
     #[test]
@@ -765,7 +763,7 @@ mod tests {
                             prop_assert!(runs.contains(run));
                             runs.retain(|name| name != run);
                         }
-                        Act::Report(_) => {}
+                        _ => {}
                     }
                 }
                 if runs.contains(&"a".to_owned()) && leap % 3 == 0 {
@@ -803,7 +801,7 @@ mod tests {
         let mut late = World::after(patrol(), "2026-05-04 09:11", record.clone());
         late.pass(60 * MINUTE);
         assert!(late.starts().is_empty(), "{:?}", late.acts);
-        assert!(matches!(late.notices()[..], [Notice::NoRobot { .. }]));
+        assert!(matches!(late.notices()[..], [Act::ReportNoRobot { .. }]));
         // The clock was put back before the start.
         let mut early = World::after(patrol(), "2026-05-04 08:50", record.clone());
         early.pass(60 * MINUTE);

@@ -162,31 +162,9 @@ async fn streams_have_origins_and_refuse_unknown_values() {
 }
 
 #[tokio::test]
-async fn every_command_takes_its_log_settings_from_the_config() {
-    let rig = Rig::quiet().await;
-    rig.file("log.yaml", "logging: { format: json }\n");
-    let nobody = ["--robot", "127.0.0.1:9"];
-    for command in [
-        &["check", "missing.lua"][..],
-        &["colour", "find", "missing.jpg", "--colour", "red"],
-        &["run", "missing.lua", "--sim"],
-        &["test", "missing.lua"],
-        &["robot", "battery", nobody[0], nobody[1]],
-        &["robot", "wifi", nobody[0], nobody[1]],
-        &["calibrate", nobody[0], nobody[1]],
-    ] {
-        let mut run = rig.spykee(&[command, &["--config", "log.yaml"]].concat());
-        assert_ne!(run.code().await, Some(0), "{command:?}");
-        let text = run.text();
-        let first = text.lines().next().unwrap_or_default();
-        assert!(first.starts_with('{'), "{command:?}: {text}");
-    }
-}
-
-#[tokio::test]
 async fn a_config_can_be_named_before_or_after_any_command_and_must_exist() {
     let rig = Rig::quiet().await;
-    rig.file("other.yaml", "user: ann\nlogging: { format: json }\n");
+    rig.file("other.yaml", "user: ann\n");
     for words in [
         &["--config", "other.yaml", "config", "show"][..],
         &["config", "--config", "other.yaml", "show"],

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use spykee::agent::RESCUE_NAME;
-use spykee::journal::{JournalReader, Kinds, Record, Span};
+use spykee::journal::{JournalReader, Record, Span};
 use spykee::simulation::{Event, EventKind, Simulation};
 use spykee::wire::{Command, Led, Sound};
 
@@ -61,7 +61,7 @@ impl Comparison<'_> {
     pub fn make(mut self, data: &Path) {
         let history = JournalReader::open(data).unwrap().unwrap();
         let all = Span::default();
-        let events = self.rows(history.records(&Kinds::All, &all).unwrap());
+        let events = self.rows(history.records(&[], &all).unwrap());
         let battery = self.rows(history.battery(&all).unwrap());
         let runs = runs(&events);
         self.runs(&runs);

@@ -16,7 +16,7 @@ use spykee::agent::{AgentError, BehaviourSpec, Bus, Outcome};
 use spykee::clock::Span;
 use spykee::journal::{Options, RunInfo, SimulationJournal};
 use spykee::robot::{Priority, Streams, Use};
-use spykee::service::{IdlePolicy, RecordFile, Service, ServicePlan};
+use spykee::service::{RecordFile, Service, ServicePlan};
 use spykee::sim::World;
 use spykee::simulation::Simulation;
 use spykee::timetable::{Rule, Timetable};
@@ -374,11 +374,7 @@ fn service_plan(data: &Path, seed: u64) -> ServicePlan {
             catch_up: Span::minutes(CATCH_UP.as_secs() / 60),
         },
         quiet_alarm: true,
-        idle: IdlePolicy {
-            release: false,
-            after: Duration::from_secs(60),
-            dock: true,
-        },
+        idle: spykee::config::Service::default(),
     }
 }
 

@@ -7,6 +7,7 @@ use image::RgbImage;
 use serde_json::json;
 
 use super::{of_names, parse_roi, part, read_picture, unusable_picture};
+use crate::cli::check::same_file;
 use crate::cli::settings::CommandSettings;
 use crate::cli::table::aligned;
 use crate::cli::world::save;
@@ -17,7 +18,6 @@ use crate::vision::{
 
 /// Small pictures are enlarged to about this width for people.
 const SHOWN_WIDTH: u32 = 960;
-/// Largest enlargement factor.
 const MAX_ENLARGEMENT: u32 = 6;
 
 const HEAD: &str = "FILE|>#|COLOUR|>PIXELS|>X|>Y|>W|>H|>CX|>CY|>ROUNDNESS|>BEARING|EDGE";
@@ -29,7 +29,7 @@ const HEAD: &str = "FILE|>#|COLOUR|>PIXELS|>X|>Y|>W|>H|>CX|>CY|>ROUNDNESS|>BEARI
 /// positive) and whether it touches the edge of the picture. --json prints every field that scripts
 /// see.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct FindArgs {
+pub(in crate::cli) struct FindArgs {
     /// JPEG pictures, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
@@ -68,7 +68,6 @@ pub(super) struct FindArgs {
     annotate: Option<PathBuf>,
 }
 
-/// The blobs found in one picture.
 struct Found {
     file: String,
     size: Size,
@@ -80,7 +79,8 @@ struct Search<'a> {
     colours: Vec<Colour>,
     options: BlobOptions,
     analyser: FrameAnalyser,
-    marked: Option<MarkedPictures>,
+    /// The files for the marked copies.
+    marked: Option<Vec<PathBuf>>,
 }
 
 /// Searches each picture and prints the blobs found. Reports an unusable picture on stderr and
@@ -93,7 +93,7 @@ pub(super) fn run(
     let mut search = Search::new(args, settings)?;
     let mut exit = Exit::Done;
     let mut found = Vec::new();
-    for (key, image) in (0..).zip(&args.images) {
+    for (key, image) in args.images.iter().enumerate() {
         match search.find(key, image) {
             Ok(one) => {
                 if one.blobs.len() == args.max_blobs {
@@ -129,7 +129,7 @@ impl<'a> Search<'a> {
         let config = settings.config()?;
         let colours = of_names(&args.colours, config)?;
         let marked = args.annotate.as_deref();
-        let marked = marked.map(|out| MarkedPictures::open(out, &args.images));
+        let marked = marked.map(|out| marked_files(out, &args.images));
         Ok(Search {
             args,
             colours,
@@ -146,7 +146,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    fn find(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
+    fn find(&mut self, number: usize, path: &Path) -> Result<Found, Failure> {
+        let key = number as u64;
         let jpeg = read_picture(path)?;
         let unusable = |error| unusable_picture(path, &error);
         let image = self.analyser.decode(key, &jpeg).map_err(unusable)?;
@@ -159,9 +160,9 @@ impl<'a> Search<'a> {
             .find_blobs(key, &jpeg, &self.colours, &self.options)
             .map_err(unusable)?
             .to_vec();
-        if let Some(pictures) = &mut self.marked {
+        if let Some(files) = &self.marked {
             let image = self.analyser.decode(key, &jpeg).map_err(unusable)?;
-            pictures.save(path, &marked(image, &blobs, self.args))?;
+            save(&marked(image, &blobs, self.args), &files[number])?;
         }
         Ok(Found {
             file: path.display().to_string(),
@@ -247,62 +248,33 @@ fn row(file: &str, number: usize, blob: &Blob, colours: &[String]) -> Vec<String
 const ANNOTATE_HELP: &str =
     "for one picture, --annotate names a file that ends in .png; for several, a folder";
 
-/// Where marked pictures go: to one PNG file, or to a folder with one file per picture.
-#[derive(Debug)]
-enum MarkedPictures {
-    File(PathBuf),
-    /// A folder, and the names already used in it.
-    Folder(PathBuf, BTreeSet<String>),
-}
-
-impl MarkedPictures {
-    fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
-        let is_png = out
-            .extension()
-            .is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-        let shown = out.display();
-        let ends_as_folder = shown.to_string().ends_with(MAIN_SEPARATOR);
-        if out.is_dir() || ends_as_folder || images.len() > 1 {
-            if is_png && !out.is_dir() || out.is_file() {
-                let what = format_args!("{shown} is not a folder, but there are several pictures");
-                return Err(Failure::usage(what).help(ANNOTATE_HELP));
-            }
-            return MarkedPictures::folder(out);
+/// Where marked pictures go: to one PNG file, or to a folder with one file for each.
+fn marked_files(out: &Path, images: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let is_png = out
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    let shown = out.display();
+    let ends_as_folder = shown.to_string().ends_with(MAIN_SEPARATOR);
+    if out.is_dir() || ends_as_folder || images.len() > 1 {
+        if is_png && !out.is_dir() || out.is_file() {
+            let what = format_args!("{shown} is not a folder, but there are several pictures");
+            return Err(Failure::usage(what).help(ANNOTATE_HELP));
         }
-        if !is_png {
-            return Err(
-                Failure::usage(format_args!("{shown} does not end in .png")).help(ANNOTATE_HELP)
-            );
-        }
-        let is_input = |image: &PathBuf| same_file(image, out);
-        if images.iter().any(is_input) {
-            let what = format_args!("{shown} is the picture itself and would be overwritten");
-            return Err(Failure::usage(what).help("choose another name for --annotate"));
-        }
-        Ok(MarkedPictures::File(out.to_owned()))
+        std::fs::create_dir_all(out)
+            .map_err(|error| Failure::io(format_args!("create the folder {shown}"), error))?;
+        let mut taken = BTreeSet::new();
+        let file = |image: &PathBuf| out.join(name(image, &mut taken));
+        return Ok(images.iter().map(file).collect());
     }
-
-    fn folder(out: &Path) -> Result<MarkedPictures, Failure> {
-        std::fs::create_dir_all(out).map_err(|error| {
-            Failure::io(format_args!("create the folder {}", out.display()), error)
-        })?;
-        Ok(MarkedPictures::Folder(out.to_owned(), BTreeSet::new()))
+    if !is_png {
+        let what = format_args!("{shown} does not end in .png");
+        return Err(Failure::usage(what).help(ANNOTATE_HELP));
     }
-
-    fn save(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
-        let path = match self {
-            MarkedPictures::File(path) => path.clone(),
-            MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),
-        };
-        save(marked, &path)
+    if images.iter().any(|image| same_file(image, out)) {
+        let what = format_args!("{shown} is the picture itself and would be overwritten");
+        return Err(Failure::usage(what).help("choose another name for --annotate"));
     }
-}
-
-fn same_file(one: &Path, other: &Path) -> bool {
-    match (one.canonicalize(), other.canonicalize()) {
-        (Ok(one), Ok(other)) => one == other,
-        _ => false,
-    }
+    Ok(vec![out.to_owned()])
 }
 
 /// The file name `NAME-blobs.png`, with a number if pictures in different folders have the same
@@ -341,24 +313,17 @@ mod tests {
         let out = |name: &str| folder.path().join(name);
         let images = ["a.jpg", "b.jpg"].map(PathBuf::from);
         let refused = |out: PathBuf, images: &[PathBuf]| {
-            let report = MarkedPictures::open(&out, images).unwrap_err().report();
+            let report = marked_files(&out, images).unwrap_err().report();
             assert!(report.contains("--annotate"), "{report}");
         };
         refused(out("out.png"), &images);
         refused(out("out.jpg"), &images[..1]);
         refused(out("out"), &images[..1]);
-        assert!(matches!(
-            MarkedPictures::open(&out("out.PNG"), &images[..1]),
-            Ok(MarkedPictures::File(_))
-        ));
-        assert!(matches!(
-            MarkedPictures::open(&out("new"), &images),
-            Ok(MarkedPictures::Folder(..))
-        ));
-        assert!(matches!(
-            MarkedPictures::open(&out("new"), &images[..1]),
-            Ok(MarkedPictures::Folder(..))
-        ));
+        let files = |name: &str, images| marked_files(&out(name), images).unwrap();
+        assert_eq!(files("out.PNG", &images[..1]), [out("out.PNG")]);
+        let both = [out("new/a-blobs.png"), out("new/b-blobs.png")];
+        assert_eq!(files("new", &images), both);
+        assert_eq!(files("new", &images[..1]), both[..1]);
         std::fs::write(out("taken"), "").unwrap();
         refused(out("taken"), &images);
     }
@@ -368,7 +333,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let picture = folder.path().join("shot.png");
         std::fs::write(&picture, "picture").unwrap();
-        let failure = MarkedPictures::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
+        let failure = marked_files(&picture, std::slice::from_ref(&picture)).unwrap_err();
         let said = failure.to_string();
         assert!(said.contains("would be overwritten"), "{said}");
     }

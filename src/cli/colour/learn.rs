@@ -26,7 +26,7 @@ const HEAD: &str = "# PICTURE|>INSIDE|>OF|>OUTSIDE|>OF|LARGEST BLOB";
 /// matches inside and outside the given part, and whether the largest blob is the object. Pictures
 /// in different light, with the object in the same part, make the colour more reliable.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct LearnArgs {
+pub(in crate::cli) struct LearnArgs {
     /// JPEG pictures of the object, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,

@@ -2,7 +2,7 @@
 
 /// One lesson. Its texts are those of its folder in `behaviours/lessons/`.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Lesson {
+pub(in crate::cli) struct Lesson {
     /// The number, from 1.
     pub(super) number: usize,
     /// Its folder in `behaviours/lessons/`, such as `03-moving`.

@@ -11,14 +11,14 @@ use super::{Console, Exit, Failure, parse_lesson, print};
 use crate::check::Diagnostic;
 use crate::cli::argument;
 use crate::cli::check::{has_errors, of_source};
-use crate::cli::test::job_pool::{Job, JobPool, JobResult, scenario_process};
+use crate::cli::test::job_pool::{Job, JobPool, scenario_process};
 use crate::config::Config;
 use crate::files;
-use crate::scenario::{Cause, Failure as ScenarioFailure, RunSettings, Scenario, ScenarioFile};
+use crate::scenario::{Cause, Failure as ScenarioFailure, RunSettings, Scenario};
 use crate::script::MAX_SOURCE;
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct CheckArgs {
+pub(in crate::cli) struct CheckArgs {
     /// The learner's script
     #[arg(value_name = "FILE.lua")]
     file: PathBuf,
@@ -47,9 +47,8 @@ pub(super) struct CheckArgs {
     tries: TryArgs,
 }
 
-/// How scripts are tried.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct TryArgs {
+pub(in crate::cli) struct TryArgs {
     /// Time limit of each try, in seconds of real time; a longer try counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = argument::seconds(86_400.0))]
     timeout: Duration,
@@ -82,7 +81,6 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-/// Runs the lesson's scenarios with a script.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     file: &Path,
@@ -102,15 +100,27 @@ pub(super) fn marks_of(
     let diagnostics = of_source(source, &options)?;
     let cannot_run = has_errors(&diagnostics);
     let mut marks = Marks::new(scenario_file.scenarios(), diagnostics, cannot_run);
-    let stop = settings.stop.clone();
-    if !cannot_run {
-        let pool = JobPool::new(tries.jobs, settings, scenario_process);
-        run_scenarios(&scenario_file, pool, &mut marks, console)?;
+    if cannot_run {
+        return Ok(marks);
     }
-    if stop.is_cancelled() {
-        return Err(Failure::interrupted());
+    let mut jobs = Vec::new();
+    for scenario in scenario_file.scenarios() {
+        jobs.extend(scenario.seeds().map(|seed| Job {
+            file_number: 0,
+            file: &scenario_file,
+            scenario,
+            seed,
+        }));
     }
-    Ok(marks)
+    let pool = JobPool::new(tries.jobs, settings, scenario_process);
+    let completed = pool.run(&jobs, console, |done| {
+        marks.take(done.job.scenario, done.job.seed, done.result.failure);
+    })?;
+    if completed {
+        Ok(marks)
+    } else {
+        Err(Failure::interrupted())
+    }
 }
 
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
@@ -153,37 +163,12 @@ fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
     }
 }
 
-fn run_scenarios(
-    scenario_file: &ScenarioFile,
-    pool: JobPool,
-    marks: &mut Marks,
-    console: &Console,
-) -> Result<(), Failure> {
-    let jobs: Vec<Job<'_>> = scenario_file
-        .scenarios()
-        .iter()
-        .flat_map(|scenario| scenario.seeds().map(move |seed| (scenario, seed)))
-        .map(|(scenario, seed)| Job {
-            file_number: 0,
-            file: scenario_file,
-            scenario,
-            seed,
-        })
-        .collect();
-    pool.run(&jobs, |done: JobResult<'_>| {
-        marks.take(done.job.scenario, done.job.seed, done.result.failure);
-        console.status(marks.progress());
-    })?;
-    console.status("");
-    Ok(())
-}
-
 fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     if let Some(path) = &args.gradescope {
         let text = format!("{:#}\n", gradescope(feedback));
         std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;
     }
-    let failed = feedback.marks.first_failure();
+    let failed = feedback.marks.marks.iter().find_map(Mark::failure);
     let snapshot = failed.and_then(|failure| failure.snapshot.as_ref());
     if let (Some(path), Some(snapshot)) = (&args.picture, snapshot) {
         std::fs::write(path, &snapshot.picture)
@@ -253,17 +238,6 @@ impl Marks {
     /// The first error of the script itself, as opposed to unmet expectations.
     pub(super) fn script_error(&self) -> Option<&str> {
         self.marks.iter().find_map(Mark::script_error)
-    }
-
-    fn first_failure(&self) -> Option<&ScenarioFailure> {
-        self.marks.iter().find_map(Mark::failure)
-    }
-
-    /// The progress, such as `12 of 30 tries`.
-    fn progress(&self) -> String {
-        let done: usize = self.marks.iter().map(|mark| mark.tries.len()).sum();
-        let all: usize = self.marks.iter().map(|mark| mark.seeds).sum();
-        format!("{done} of {all} tries")
     }
 }
 

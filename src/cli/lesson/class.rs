@@ -104,7 +104,6 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, Strin
 const NEARLY_THE_SAME: f64 = 0.92;
 /// Minimum length of a learner's own text for a comparison, in characters.
 const SHORTEST: usize = 60;
-/// Maximum number of characters compared.
 const LONGEST: usize = 20_000;
 
 /// A pair of texts in a list that are nearly the same.

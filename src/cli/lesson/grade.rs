@@ -13,7 +13,7 @@ use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct GradeArgs {
+pub(in crate::cli) struct GradeArgs {
     /// Folder with a folder or a script for each learner, named after the learner
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -39,7 +39,6 @@ pub(super) struct GradeArgs {
     tries: TryArgs,
 }
 
-/// The result of one learner.
 #[derive(Default)]
 struct Graded {
     name: String,
@@ -108,18 +107,15 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded
         name: learner.name,
         ..Graded::default()
     };
-    let file = match learner.script {
-        Ok(file) => file,
-        Err(why) => {
-            graded.missing.push(why);
-            return Ok(graded);
-        }
-    };
-    graded.file = Some(file.clone());
-    let source = match read(&file) {
-        Ok(source) => source,
-        Err(why) => {
-            graded.missing.push(why.what);
+    let read = learner.script.and_then(|file| {
+        let source = read(&file).map_err(|why| why.what);
+        graded.file = Some(file);
+        source
+    });
+    let (source, file) = match (read, &graded.file) {
+        (Ok(source), Some(file)) => (source, file.clone()),
+        (read, _) => {
+            graded.missing.extend(read.err());
             return Ok(graded);
         }
     };

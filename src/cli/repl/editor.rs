@@ -53,13 +53,9 @@ pub(super) enum Typed {
 #[derive(Debug)]
 pub(super) enum EditorCommand {
     Print(String),
-    Done(Next),
-}
-
-/// The next input that the prompt asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Next {
+    /// Ask for a new input.
     Prompt,
+    /// Ask for the rest of an input.
     Continue,
 }
 
@@ -89,13 +85,11 @@ pub(super) fn serve(
         prompt.open_history();
         console.write_line("INFO", "Lua for the robot; :help shows help, Ctrl-D ends");
     }
-    while let Some(next) = prompt.wait() {
+    while prompt.wait() {
         if typed.blocking_send(Typed::Ready).is_err() {
             return;
         }
-        let Some(what) = prompt.read(next) else {
-            return;
-        };
+        let what = prompt.read();
         // Returning drops the printer above the prompt: later output through it would be lost.
         let ends = matches!(what, Typed::End);
         if typed.blocking_send(what).is_err() || ends {
@@ -147,22 +141,24 @@ impl Prompt {
         self.history = Some(path);
     }
 
-    /// Prints output until the next input is due.
-    fn wait(&mut self) -> Option<Next> {
+    /// Prints output until the next input is due; false if none will be.
+    fn wait(&mut self) -> bool {
         loop {
-            match self.commands.blocking_recv()? {
-                EditorCommand::Print(text) => show(&text),
-                EditorCommand::Done(next) => return Some(next),
+            match self.commands.blocking_recv() {
+                Some(EditorCommand::Print(text)) => show(&text),
+                Some(EditorCommand::Continue) => return true,
+                Some(EditorCommand::Prompt) => {
+                    self.pending.clear();
+                    return true;
+                }
+                None => return false,
             }
         }
     }
 
     /// Reads until there is a message for the session; handles commands to the prompt itself here.
     /// An interruption discards the pending input.
-    fn read(&mut self, next: Next) -> Option<Typed> {
-        if next == Next::Prompt {
-            self.pending.clear();
-        }
+    fn read(&mut self) -> Typed {
         loop {
             let prompt = if self.pending.is_empty() {
                 PROMPTS.0
@@ -172,31 +168,27 @@ impl Prompt {
             let read = if self.interactive {
                 self.lines.readline(prompt)
             } else {
-                self.read_piped_line()
+                // Of a line that is too long, keeps only enough to detect that.
+                bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
             };
             match read {
                 Ok(line) => {
                     if let Some(typed) = self.line(&line) {
-                        return Some(typed);
+                        return typed;
                     }
                 }
                 Err(ReadlineError::Interrupted) => {
                     self.pending.clear();
-                    return Some(Typed::Interrupt);
+                    return Typed::Interrupt;
                 }
                 Err(ReadlineError::Signal(_)) => {}
                 Err(_) if !self.pending.is_empty() => {
                     let text = std::mem::take(&mut self.pending);
-                    return Some(Typed::Line { text, more: false });
+                    return Typed::Line { text, more: false };
                 }
-                Err(_) => return Some(Typed::End),
+                Err(_) => return Typed::End,
             }
         }
-    }
-
-    /// Reads a line from a pipe. Of a line that is too long, keeps only enough to detect that.
-    fn read_piped_line(&mut self) -> rustyline::Result<String> {
-        bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }
 
     fn line(&mut self, line: &str) -> Option<Typed> {

@@ -19,7 +19,7 @@ use crate::wire::{Command, Led, Sound};
 /// Switch a light on or off
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot led flash on --robot 172.17.6.1")]
-pub(super) struct LedArgs {
+pub(in crate::cli) struct LedArgs {
     /// The light
     #[arg(value_parser = PossibleValuesParser::new(Led::ALL.iter().map(|led| led.name()))
           .try_map(|name| Led::from_name(&name).ok_or("no such light")))]
@@ -38,7 +38,7 @@ pub(super) struct LedArgs {
                         spykee robot play --stop --robot 172.17.6.1\n\n\
                         Some sounds also switch lights."
 )]
-pub(super) struct PlayArgs {
+pub(in crate::cli) struct PlayArgs {
     /// The sound
     #[arg(required_unless_present = "stop",
           value_parser = PossibleValuesParser::new(Sound::ALL.iter().map(|sound| sound.name()))
@@ -55,7 +55,7 @@ pub(super) struct PlayArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot volume 40 --robot 172.17.6.1\n\n\
                         `spykee robot config` may show the current volume.")]
-pub(super) struct VolumeArgs {
+pub(in crate::cli) struct VolumeArgs {
     /// Volume in percent, 0 to 100
     #[arg(value_parser = argument::whole::<u8>(0..=100))]
     percent: u8,
@@ -115,7 +115,7 @@ const SLACK: Duration = Duration::from_secs(10);
     after_help = "Example: spykee robot say hello.wav --robot 172.17.6.1\n\n\
                         To convert any other sound file: ffmpeg -i hello.mp3 -ac 1 -ar 16000 -c:a pcm_s16le hello.wav"
 )]
-pub(super) struct SayArgs {
+pub(in crate::cli) struct SayArgs {
     /// The sound file
     #[arg(value_name = "FILE.wav")]
     file: PathBuf,

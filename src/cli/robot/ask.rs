@@ -11,7 +11,7 @@ use crate::robot::{Battery, RobotInfo};
 use crate::wire::{Command, Report, latin1};
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct ReportArgs {
+pub(in crate::cli) struct ReportArgs {
     /// Print a JSON object
     #[arg(long)]
     json: bool,
@@ -23,7 +23,7 @@ pub(super) struct ReportArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot log --robot 172.17.6.1 | tail\n\n\
                         The contents of the robot's log are not documented.")]
-pub(super) struct LogArgs {
+pub(in crate::cli) struct LogArgs {
     /// Print a JSON object
     #[arg(long)]
     json: bool,
@@ -31,55 +31,45 @@ pub(super) struct LogArgs {
     connection: ConnectionArgs,
 }
 
-/// The facts about a robot, from a run or from the robot itself.
-struct Facts {
-    robot: RobotInfo,
-    /// `None` if the facts come from a run, which does not store it.
-    third_name: Option<String>,
-    docked: bool,
-    battery: Option<Battery>,
-}
-
 pub(super) fn info(args: &ReportArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     if let Some(run) = args.target.find_run(settings)? {
-        let facts = Facts {
-            robot: run.status.robot.ok_or_else(never_connected)?,
-            third_name: None,
-            docked: run.status.docked,
-            battery: run.status.battery,
-        };
-        return show_info(args.json, &facts);
+        let status = run.status;
+        let robot = status.robot.ok_or_else(never_connected)?;
+        return show_info(args.json, &robot, None, status.docked, status.battery);
     }
     with_session(&args.target.connection, settings, async |session| {
         let accepted = &session.link.accepted;
-        let facts = Facts {
-            robot: RobotInfo {
-                uid: accepted.uid.clone(),
-                name: accepted.name.clone(),
-                firmware: accepted.firmware.clone(),
-                address: session.link.peer.to_string(),
-                simulated: session.simulated,
-            },
-            third_name: Some(accepted.place.clone()),
-            docked: accepted.docked,
-            battery: Some(Battery::reported(session.link.power)),
+        let robot = RobotInfo {
+            uid: accepted.uid.clone(),
+            name: accepted.name.clone(),
+            firmware: accepted.firmware.clone(),
+            address: session.link.peer.to_string(),
+            simulated: session.simulated,
         };
-        show_info(args.json, &facts)
+        let battery = Some(Battery::reported(session.link.power));
+        let third_name = Some(accepted.place.as_str());
+        show_info(args.json, &robot, third_name, accepted.docked, battery)
     })
 }
 
-fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
-    let robot = &facts.robot;
+/// A run does not keep the third name.
+fn show_info(
+    as_json: bool,
+    robot: &RobotInfo,
+    third_name: Option<&str>,
+    docked: bool,
+    battery: Option<Battery>,
+) -> Result<Exit, Failure> {
     if as_json {
-        let battery = facts.battery.and_then(|battery| battery.percent);
-        let charging = facts.battery.map(|battery| battery.charging);
+        let percent = battery.and_then(|battery| battery.percent);
+        let charging = battery.map(|battery| battery.charging);
         print_json(&json!({
-            "uid": robot.uid, "name": robot.name, "third_name": facts.third_name,
-            "firmware": robot.firmware, "address": robot.address, "docked": facts.docked,
-            "battery": battery, "charging": charging, "simulated": robot.simulated,
+            "uid": robot.uid, "name": robot.name, "third_name": third_name,
+            "firmware": robot.firmware, "address": robot.address, "docked": docked,
+            "battery": percent, "charging": charging, "simulated": robot.simulated,
         }))?;
     } else {
-        let third = facts.third_name.as_ref().map_or_else(String::new, |name| {
+        let third = third_name.map_or_else(String::new, |name| {
             format!("third name  {name} (meaning unknown)\n")
         });
         print(&format!(
@@ -89,8 +79,8 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
             robot.name,
             robot.firmware,
             robot.address,
-            facts.battery.map_or_else(|| "-".to_owned(), describe),
-            if facts.docked { "yes" } else { "no" },
+            battery.map_or_else(|| "-".to_owned(), describe),
+            if docked { "yes" } else { "no" },
         ))?;
     }
     Ok(Exit::Done)

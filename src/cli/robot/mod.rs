@@ -19,26 +19,8 @@ use super::driver::{Driver, drive};
 use super::settings::CommandSettings;
 use super::{ConnectionArgs, Console, Exit, Failure, block_on};
 
-/// Send the robot a single command: battery, docking, lights, a picture, its settings
-///
-/// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
-/// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
-/// snapshot, dock, undock, stop, reset-stop, led, play, volume and say go through it; without
-/// --robot they address the only active run, stop and reset-stop all of them. With --url they go
-/// through a service on another computer. If any other program uses the robot, end it first.
-#[derive(Debug, Clone, clap::Args)]
-#[command(
-    subcommand_required = true,
-    arg_required_else_help = true,
-    after_help = "Examples:\n  spykee robot battery --robot 172.17.6.1\n  spykee robot stop --robot 172.17.6.1\n  spykee robot snapshot -o room.jpg --sim"
-)]
-pub(super) struct RobotArgs {
-    #[command(subcommand)]
-    command: RobotCommand,
-}
-
 #[derive(Debug, Clone, Subcommand)]
-enum RobotCommand {
+pub(super) enum RobotCommand {
     /// Print the robot's id, names, firmware, battery and station
     #[command(after_help = "Example: spykee robot info --robot 172.17.6.1 --json")]
     Info(ask::ReportArgs),
@@ -73,16 +55,12 @@ enum RobotCommand {
     UploadSound(upload::UploadArgs),
 }
 
-/// Runs the subcommand.
-///
-/// # Errors
-/// An invalid command line, a robot that cannot be reached, or an unexpected reply.
 pub(super) fn run(
-    args: &RobotArgs,
+    command: &RobotCommand,
     settings: &CommandSettings,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    match &args.command {
+    match command {
         RobotCommand::Info(args) => ask::info(args, settings),
         RobotCommand::Battery(args) => ask::battery(args, settings),
         RobotCommand::Dock(args) => station::dock(args, settings),

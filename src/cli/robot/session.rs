@@ -83,9 +83,6 @@ pub(super) fn with_exclusive_session(
 /// Sends the commands and sets the last words that the watchdog's rules require after a login.
 /// Every login begins with a stop, which may have ended the search for the station of a robot with
 /// a low battery.
-///
-/// # Errors
-/// The link is lost.
 async fn send_home_if_low(session: &mut Session, config: &Config) -> Result<(), LinkError> {
     let now = Instant::now();
     let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
@@ -142,26 +139,16 @@ impl RobotSession {
     }
 
     /// Sends a command that must be acknowledged: see [`with_session`].
-    ///
-    /// # Errors
-    /// The link is lost.
     pub(super) async fn send_confirmed(&mut self, command: Command) -> Result<(), Failure> {
         self.must_confirm = true;
         self.send(&[command]).await
     }
 
-    /// Sends commands in one write.
-    ///
-    /// # Errors
-    /// The link is lost.
     pub(in crate::cli) async fn send(&mut self, commands: &[Command]) -> Result<(), Failure> {
         Ok(self.link.writer.write(commands).await?)
     }
 
     /// Waits for a report that `pick` accepts; `None` if none arrives within `limit`.
-    ///
-    /// # Errors
-    /// The link is lost.
     pub(in crate::cli) async fn receive<T>(
         &mut self,
         limit: Duration,
@@ -179,9 +166,6 @@ impl RobotSession {
     }
 
     /// Requests a text and returns its messages in order.
-    ///
-    /// # Errors
-    /// The link is lost, or no reply arrives.
     pub(super) async fn messages(
         &mut self,
         ask: Command,
@@ -208,9 +192,6 @@ impl RobotSession {
     }
 
     /// Requests a text and joins its messages.
-    ///
-    /// # Errors
-    /// The link is lost, or no reply arrives.
     pub(super) async fn text(
         &mut self,
         ask: Command,

@@ -24,7 +24,7 @@ const NETWORK: [&str; 7] = ["wifi", "wlan", "essid", "ssid", "wep", "wpa", "chan
 const MAX_VALUE: usize = 255;
 
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct SettingArgs {
+pub(in crate::cli) struct SettingArgs {
     /// Change a setting, after a typed confirmation; KEY=@FILE reads the value from the first line
     /// of a file; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]

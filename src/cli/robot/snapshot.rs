@@ -21,7 +21,7 @@ use crate::wire::{Command, Report, Stream};
 /// Waits for an intact frame; damaged ones are counted and discarded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot snapshot -o room.jpg --robot 172.17.6.1")]
-pub(super) struct SnapshotArgs {
+pub(in crate::cli) struct SnapshotArgs {
     /// File to write; an existing file is replaced
     #[arg(short, long, value_name = "FILE.jpg")]
     output: PathBuf,
@@ -50,9 +50,6 @@ pub(super) fn snapshot(args: &SnapshotArgs, settings: &CommandSettings) -> Resul
 }
 
 /// Takes a picture, itself or through the run that uses the robot, and has it used.
-///
-/// # Errors
-/// The config keeps video off, no intact frame arrives within these seconds, or its use fails.
 pub(in crate::cli) fn with_picture(
     target: &SharedTargetArgs,
     settings: &CommandSettings,

@@ -23,7 +23,7 @@ const SLACK: Duration = Duration::from_secs(60);
     after_help = "Example: spykee robot dock --robot 172.17.6.1 --timeout 60\n\n\
                         The distance from which the robot finds its station is not documented."
 )]
-pub(super) struct DockArgs {
+pub(in crate::cli) struct DockArgs {
     /// Time limit of each try, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
           value_parser = argument::whole::<u64>(1..=3600))]
@@ -38,7 +38,7 @@ pub(super) struct DockArgs {
 /// Leave the charging station; refused while the battery is low
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot undock --robot 172.17.6.1")]
-pub(super) struct UndockArgs {
+pub(in crate::cli) struct UndockArgs {
     /// Time to wait for the robot to report that it has left, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
           value_parser = argument::whole::<u64>(1..=600))]

@@ -53,7 +53,7 @@ const KEEP_TIMEOUT: Duration = Duration::from_secs(2);
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
-pub(super) struct StopArgs {
+pub(in crate::cli) struct StopArgs {
     /// Time limit for the retries, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = argument::whole::<u64>(1..=600))]
@@ -333,7 +333,7 @@ async fn try_stop(
 /// in the service there; without any, what an earlier program has left behind in the data folder.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot reset-stop")]
-pub(super) struct ResetStopArgs {
+pub(in crate::cli) struct ResetStopArgs {
     #[command(flatten)]
     target: SharedTargetArgs,
 }

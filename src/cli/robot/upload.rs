@@ -28,7 +28,7 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 /// this program refuses more than 2 MiB. Firmware cannot be uploaded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot upload-sound user0 hello.mp3 --robot 172.17.6.1")]
-pub(super) struct UploadArgs {
+pub(in crate::cli) struct UploadArgs {
     /// Slot on the robot; its current sound is replaced
     #[arg(value_parser = ["user0", "user1", "music"])]
     slot: String,

@@ -14,9 +14,9 @@ use crate::cli::config::unknown_behaviour;
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::Clock;
-use crate::config::{Config, Entry, Idle, Service, Start};
+use crate::config::{Config, Entry, Service, Start};
 use crate::live::RunDefinition;
-use crate::service::{IdlePolicy, Reload, ServicePlan};
+use crate::service::{Reload, ServicePlan};
 use crate::timetable::Timetable;
 use crate::vision::Camera;
 
@@ -85,11 +85,7 @@ impl PlanLoader {
                 always,
                 table,
                 quiet_alarm: config.quiet_alarm,
-                idle: IdlePolicy {
-                    release: config.service.idle == Idle::Release,
-                    after: config.service.idle_after.get(),
-                    dock: config.service.dock,
-                },
+                idle: config.service.clone(),
             },
             fingerprints,
             definition,
@@ -175,8 +171,8 @@ fn fingerprint(behaviour: &Behaviour) -> u64 {
 
 /// Logs the changed settings that only take effect after a restart of the service.
 fn warn_restart_needed(old: &Config, new: &Config) {
-    const RESTART_KEYS: &str = "robot user password_file watchdog streams data logging journal notify \
-                                live mqtt service";
+    const RESTART_KEYS: &str = "robot user password_file watchdog streams data journal notify live \
+                                mqtt service";
     let tree = |config: &Config| {
         let mut config = config.clone();
         config.service = Service {

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 
-use crate::cli::Failure;
 use crate::cli::interrupt::interruption;
 use crate::cli::startup::runtime;
+use crate::cli::{Console, Failure};
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, ScenarioResult};
 
 #[derive(Clone, Copy)]
@@ -49,15 +49,19 @@ impl JobPool {
         }
     }
 
-    /// Runs all jobs and calls `take` with each result. Starts no more jobs after an interruption.
+    /// Runs all jobs, calls `take` with each result and shows the progress, such as `12 of 40 runs, 1
+    /// failed`. After an interruption, starts no more jobs and returns false.
     pub(in crate::cli) fn run<'a>(
         &self,
         jobs: &[Job<'a>],
+        console: &Console,
         mut take: impl FnMut(JobResult<'a>),
-    ) -> Result<(), Failure> {
+    ) -> Result<bool, Failure> {
         let runtime = runtime()?;
         let next = AtomicUsize::new(0);
         let (done, mut finished) = mpsc::channel(16);
+        let mut count = 0;
+        let mut failed = 0;
         thread::scope(|scope| {
             for _ in 0..self.threads.min(jobs.len()) {
                 let done = done.clone();
@@ -75,17 +79,26 @@ impl JobPool {
                 loop {
                     tokio::select! {
                         result = finished.recv() => match result {
-                            None => return Ok(()),
+                            None => break,
                             Some(Err(error)) => {
                                 stop.cancel();
                                 return Err(no_simulation(error));
                             }
-                            Some(Ok(result)) if !stop.is_cancelled() => take(result),
+                            Some(Ok(done)) if !stop.is_cancelled() => {
+                                count += 1;
+                                failed += usize::from(done.result.failure.is_some());
+                                let progress = progress(count, jobs.len(), failed);
+                                let file = done.job.file.file().display();
+                                console.status(format!("{progress} · {file}"));
+                                take(done);
+                            }
                             Some(Ok(_)) => {}
                         },
                         () = &mut interrupted, if !stop.is_cancelled() => stop.cancel(),
                     }
                 }
+                console.status("");
+                Ok(!stop.is_cancelled())
             })
         })
     }
@@ -121,6 +134,13 @@ impl JobPool {
 pub(in crate::cli) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
     ScenarioProcess::new(timeout)
         .map_err(|error| Failure::io("find this program's own file", error))
+}
+
+fn progress(count: usize, all: usize, failed: usize) -> String {
+    match failed {
+        0 => format!("{count} of {all} runs"),
+        failed => format!("{count} of {all} runs, {failed} failed"),
+    }
 }
 
 fn no_simulation(error: std::io::Error) -> Failure {

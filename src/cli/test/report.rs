@@ -16,7 +16,7 @@ use crate::cli::{self, plural};
 use crate::clock::hours;
 use crate::files::Folder;
 use crate::sanitize;
-use crate::scenario::{Failure, ScenarioResult, Snapshot};
+use crate::scenario::{Failure, Snapshot};
 
 /// The results of all runs.
 pub(super) struct Report<'a> {
@@ -35,13 +35,7 @@ struct FileReport<'a> {
 /// One scenario with one seed.
 struct Run<'a> {
     job: Job<'a>,
-    outcome: Option<Outcome>,
-}
-
-struct Outcome {
-    result: ScenarioResult,
-    /// Duration in real time.
-    took: Duration,
+    outcome: Option<JobResult<'a>>,
     /// The picture of the robot's path in a failed run, or why there is none.
     picture: Option<Result<PathBuf, String>>,
 }
@@ -53,6 +47,7 @@ impl<'a> Report<'a> {
             let run = |job: &Job<'a>| Run {
                 job: *job,
                 outcome: None,
+                picture: None,
             };
             FileReport {
                 file: file.file.display().to_string(),
@@ -68,7 +63,7 @@ impl<'a> Report<'a> {
     }
 
     /// Stores a result, and saves its picture if it failed.
-    pub(super) fn take(&mut self, done: JobResult<'_>) {
+    pub(super) fn take(&mut self, done: JobResult<'a>) {
         let Some(file) = self.files.get_mut(done.job.file_number) else {
             return;
         };
@@ -81,22 +76,8 @@ impl<'a> Report<'a> {
         let failure = done.result.failure.as_ref();
         let snapshot = failure.and_then(|failure| failure.snapshot.as_ref());
         let name = run.picture_name(&file.file);
-        run.outcome = Some(Outcome {
-            picture: snapshot.map(|snapshot| save(snapshot, &self.pictures, &name)),
-            result: done.result,
-            took: done.took,
-        });
-    }
-
-    /// The progress, such as `12 of 40 runs, 1 failed`.
-    pub(super) fn progress(&self) -> String {
-        let all = self.runs().count();
-        let done = self.outcomes().count();
-        let failed = self.failures();
-        match failed {
-            0 => format!("{done} of {all} runs"),
-            failed => format!("{done} of {all} runs, {failed} failed"),
-        }
+        run.picture = snapshot.map(|snapshot| save(snapshot, &self.pictures, &name));
+        run.outcome = Some(done);
     }
 
     /// The text for the next files, in order, as far as they are complete; each file only once.
@@ -167,7 +148,7 @@ impl<'a> Report<'a> {
         self.files.iter().flat_map(|file| &file.runs)
     }
 
-    fn outcomes(&self) -> impl Iterator<Item = &Outcome> {
+    fn outcomes(&self) -> impl Iterator<Item = &JobResult<'a>> {
         self.runs().filter_map(|run| run.outcome.as_ref())
     }
 
@@ -270,7 +251,7 @@ impl Run<'_> {
             &outcome.result.lines,
             |line| format!("          {}", indented(line, 10)),
         );
-        let _ = match &outcome.picture {
+        let _ = match &self.picture {
             Some(Ok(path)) => {
                 let path = path.display();
                 writeln!(text, "        the robot's path is drawn in {path}")
@@ -300,7 +281,7 @@ impl Run<'_> {
         let result = &outcome.result;
         let scenario = self.job.scenario;
         let failure = result.failure.as_ref().map(|failure| {
-            let picture = outcome.picture.as_ref().and_then(|kept| kept.as_ref().ok());
+            let picture = self.picture.as_ref().and_then(|kept| kept.as_ref().ok());
             let snapshot = failure.snapshot.as_ref();
             json!({
                 "message": failure.message,
