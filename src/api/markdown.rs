@@ -71,7 +71,7 @@ fn home(object: &Object) -> String {
         return own(object);
     }
     let mut payloads = super::events().filter_map(|event| event.payload);
-    if payloads.any(|payload| payload.name == object.name) {
+    if payloads.any(|payload| payload == object.name) {
         return EVENTS.to_owned();
     }
     if super::namespace(&own(object)).is_some() {
@@ -97,9 +97,9 @@ fn has(functions: &[Function], object: &str) -> bool {
 
 fn is_or_contains(kind: &Type, name: &str) -> bool {
     match kind {
-        Type::Object(object) => {
-            let mut fields = object.fields.iter();
-            object.name == name || fields.any(|field| is_or_contains(&field.kind, name))
+        Type::Object(other) => {
+            let fields = super::object(other).map_or(&[][..], |object| object.fields);
+            *other == name || fields.iter().any(|field| is_or_contains(&field.kind, name))
         }
         Type::List(of) | Type::OneOrMore(of) => is_or_contains(of, name),
         _ => false,
