@@ -279,7 +279,7 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt as _, symlink};
 
     use super::*;
-    use crate::journal::{JournalReader, Kinds, Span};
+    use crate::journal::{JournalReader, Span};
 
     fn about() -> RunInfo {
         RunInfo {
@@ -307,10 +307,7 @@ mod tests {
 
     fn count(data: &Path) -> usize {
         let history = JournalReader::open(data).unwrap().unwrap();
-        history
-            .records(&Kinds::All, &Span::default())
-            .unwrap()
-            .len()
+        history.records(&[], &Span::default()).unwrap().len()
     }
 
     #[test]
@@ -378,7 +375,7 @@ mod tests {
             assert!(bytes(&database.connection).unwrap() <= 1 << 20);
         }
         let history = JournalReader::open(data.path()).unwrap().unwrap();
-        let last = history.records(&Kinds::All, &Span::default()).unwrap();
+        let last = history.records(&[], &Span::default()).unwrap();
         assert_eq!(
             last.last().unwrap().at.as_millisecond(),
             today + 599,
@@ -407,9 +404,8 @@ mod tests {
         assert_eq!(count(data.path()), written);
         database.delete_old(now()).unwrap();
         database.write(&rows[..1], 50, now()).unwrap();
-        let kinds = Kinds::Of(&["lost"]);
         let history = JournalReader::open(data.path()).unwrap().unwrap();
-        let lost = history.records(&kinds, &Span::default()).unwrap();
+        let lost = history.records(&["lost"], &Span::default()).unwrap();
         assert_eq!(lost[0].data["count"], 50);
     }
 
