@@ -52,11 +52,17 @@ impl Mqtt {
 }
 
 fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    let host = yaml::parsed_text(from, HOST_EXPECTED, |text| {
-        let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
-        host_of(text).map(str::to_owned).ok_or_else(wrong)
-    });
-    host.map(Some)
+    struct Host(String);
+    impl<'de> Deserialize<'de> for Host {
+        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
+            yaml::parsed_text(from, HOST_EXPECTED, |text| {
+                let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
+                let host = host_of(text).map(|host| Host(host.to_owned()));
+                host.ok_or_else(wrong)
+            })
+        }
+    }
+    Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))
 }
 
 /// What to write instead of a text that is not a host.
@@ -82,9 +88,14 @@ fn host_advice(text: &str) -> String {
 }
 
 fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
-    let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
-    // Cannot fail: the number is within the range.
-    Ok(u16::try_from(number).ok())
+    #[derive(Deserialize)]
+    struct Port(#[serde(deserialize_with = "number")] u16);
+    fn number<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
+        let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
+        // Cannot fail: the number is within the range.
+        Ok(u16::try_from(number).unwrap_or(u16::MAX))
+    }
+    Ok(Option::<Port>::deserialize(from)?.map(|Port(number)| number))
 }
 
 #[cfg(test)]
