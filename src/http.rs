@@ -12,6 +12,7 @@ mod connections;
 mod keyring;
 mod middleware;
 mod origin_check;
+mod unknown_host;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -40,7 +41,7 @@ use middleware::LocalUser;
 
 pub use access::{Access, AccessError, Refusal, Visitor};
 pub use keyring::{Key, Keyring, KeyringError, Role};
-pub use middleware::{Me, guard_request, routes};
+pub use middleware::{CAMERA, Me, guard_request, routes};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);

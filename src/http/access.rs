@@ -59,7 +59,7 @@ impl Access {
             return Err(AccessError::Open(listen));
         }
         Ok(Access {
-            names: Names::new(listen, &options.hosts),
+            names: Names::new(listen, &options.hosts, &host_name()),
             data: data.to_owned(),
             keyring: watch::Sender::new(keyring),
             wrong: Mutex::default(),
@@ -166,6 +166,12 @@ impl Access {
         let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
         wrong.take()
     }
+}
+
+/// The name of this computer; empty if it cannot be read.
+fn host_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
 }
 
 /// A visitor with access.

@@ -7,6 +7,9 @@ import { t } from "./texts.js";
 const LEVELS = ["error", "warn", "info", "debug", "trace"];
 const KEPT = 500;
 
+/** Without the folder of a saved picture, which fills lines. */
+const short = (text) => text.replace(/ picture=\S*\//, " picture=");
+
 export function log(connection) {
   const list = h("ol", { class: "lines", "aria-label": t("log"), tabindex: 0 });
   const empty = h("p", { class: "quiet" }, t("log_empty"));
@@ -45,7 +48,7 @@ export function log(connection) {
       onclick: () => showScript(name, number),
     }, `${name}:${number}`) : name ? h("span", { class: "where" }, name) : null;
     const element = h("li", { class: kind, "data-level": kind, "data-behaviour": name ?? "" },
-      h("time", {}, time.format(new Date(at))), where, h("span", { class: "text" }, text));
+      h("time", {}, time.format(new Date(at))), where, h("span", { class: "text", title: text }, short(text)));
     element.hidden = !visible(element);
     return element;
   }
