@@ -175,13 +175,12 @@ export function drive(connection, command, notice) {
     return text;
   };
   const question = h("span", { role: "status" });
-  const station = h("div", { class: "row station" }, question,
+  const station = h("div", { class: "station" }, question,
     h("button", { type: "button", onclick: dock("undock") }, t("undock")));
   const card = h("section", { class: "card drive driver-only", "aria-labelledby": "drive-title" },
     h("h2", { id: "drive-title" }, t("drive")),
-    h("div", { class: "controls" }, pad, arrows),
+    h("div", { class: "controls" }, pad, arrows, station),
     h("div", { class: "row" }, lock),
-    station,
     h("div", { class: "row" }, h("label", { for: "power" }, t("power")), power),
     who,
     h("div", { class: "row" },
