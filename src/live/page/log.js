@@ -73,7 +73,7 @@ export function log(connection) {
   return h("section", { class: "card log", "aria-labelledby": "log-title" },
     h("div", { class: "head" }, h("h2", { id: "log-title" }, t("log")),
       h("div", { class: "row filters" },
-        h("label", { for: "log-level" }, t("level")), level,
-        h("label", { for: "log-behaviour" }, t("behaviour")), behaviour)),
+        h("span", { class: "check" }, h("label", { for: "log-level" }, t("level")), level),
+        h("span", { class: "check" }, h("label", { for: "log-behaviour" }, t("behaviour")), behaviour))),
     empty, list);
 }
