@@ -87,17 +87,17 @@ impl Names {
             return true;
         }
         let bare = name.trim_start_matches('[').trim_end_matches(']');
-        let address = bare.parse::<IpAddr>();
-        if name == "localhost" || address.is_ok_and(|address| address.is_loopback()) {
+        let address = bare.parse::<IpAddr>().ok();
+        if name == "localhost" || address.is_some_and(|address| address.is_loopback()) {
             return true;
         }
         if port.is_some_and(|port| port != self.listen.port().to_string()) {
             return false;
         }
         match address {
-            Ok(address) if self.listen.ip().is_unspecified() => !address.is_unspecified(),
-            Ok(address) => address == self.listen.ip(),
-            Err(_) => !self.listen.ip().is_loopback() && self.is_own(name),
+            Some(address) if self.listen.ip().is_unspecified() => !address.is_unspecified(),
+            Some(address) => address == self.listen.ip(),
+            None => !self.listen.ip().is_loopback() && self.is_own(name),
         }
     }
 

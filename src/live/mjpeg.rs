@@ -48,7 +48,7 @@ pub(super) async fn camera(
         Ok(Ok(())) => pictures.frames.mark_changed(),
         _ => return Err(refusal("no picture arrives")),
     }
-    let body = unfold(pictures, |mut pictures| async {
+    let body = unfold(pictures, |mut pictures| async move {
         let part = pictures.next_part().await?;
         Some((Ok::<_, std::convert::Infallible>(part), pictures))
     });
