@@ -1,7 +1,7 @@
 // Drives the page in Chromium. Each promise is a function; what the robot does is asked of the simulated
 // world, through the map's own messages.
 
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync, spawn, spawnSync } from "node:child_process";
 import fs from "node:fs";
 import net from "node:net";
 import { createRequire } from "node:module";
@@ -788,26 +788,22 @@ const promises = {
     const url = `${at}?token=${viewer}`;
     const missing = [];
     if (has("ffprobe")) {
-      const probe = execFileSync("ffprobe", ["-v", "error", "-f", "mpjpeg", "-read_intervals", "%+3", "-count_packets", "-show_entries",
-        "stream=codec_name,width,height,nb_read_packets", "-of", "csv=p=0", url], { encoding: "utf8", timeout: WAIT_LIMIT });
-      const [codec, width, height, packets] = probe.trim().split(",");
-      if (codec !== "mjpeg" || width !== "320" || height !== "240" || !(Number(packets) >= 10)) {
+      const probe = execFileSync("ffprobe", ["-v", "error", "-f", "mpjpeg", "-strict_mime_boundary", "1", "-read_intervals", "%+#20",
+        "-count_packets", "-show_entries", "stream=codec_name,width,height,nb_read_packets", "-of", "csv=p=0", url],
+      { encoding: "utf8", timeout: WAIT_LIMIT }).trim();
+      if (probe !== "mjpeg,320,240,20") {
         throw new Error(`ffprobe: ${probe}`);
       }
     } else {
       missing.push("ffprobe");
     }
-    try {
-      execFileSync("python3", ["-c", "import cv2"], { stdio: "ignore" });
-      const take = "import cv2, sys\nc = cv2.VideoCapture(sys.argv[1])\nshapes = [c.read()[1].shape for _ in range(20)]\nprint(set(shapes))";
+    if (spawnSync("python3", ["-c", "import cv2"]).status === 0) {
+      const take = "import cv2, sys\nc = cv2.VideoCapture(sys.argv[1])\nprint({c.read()[1].shape for _ in range(20)})";
       const shapes = execFileSync("python3", ["-c", take, url], { encoding: "utf8", timeout: WAIT_LIMIT }).trim();
       if (shapes !== "{(240, 320, 3)}") {
         throw new Error(`OpenCV: ${shapes}`);
       }
-    } catch (error) {
-      if (error.cmd === undefined && error.status === undefined) {
-        throw error;
-      }
+    } else {
       missing.push("OpenCV");
     }
     // A picture each second, even if the robot sends none; then the end, not an old picture for ever.
