@@ -12,6 +12,7 @@ mod connections;
 mod keyring;
 mod middleware;
 mod origin_check;
+mod unknown_host;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -39,7 +40,7 @@ use connections::{Connections, Place};
 
 pub use access::{Access, Refusal, Visitor};
 pub use keyring::{AccessError, Key, Keyring, Role};
-pub use middleware::{Me, guard_request, routes};
+pub use middleware::{CAMERA, Me, guard_request, routes};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);

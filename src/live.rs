@@ -17,6 +17,7 @@ mod history;
 mod log;
 mod messages;
 mod metrics;
+mod mjpeg;
 mod scripts;
 mod server;
 mod viewer;

@@ -44,7 +44,7 @@ impl Access {
             return Err(AccessError::Open(listen));
         }
         Ok(Access {
-            names: Names::new(listen, &options.hosts),
+            names: Names::new(listen, &options.hosts, &host_name()),
             data: data.to_owned(),
             keyring: watch::Sender::new(keyring),
             wrong: Mutex::new(Repeats::new(WRONG_TOKENS)),
@@ -127,6 +127,12 @@ impl Access {
         });
         read.map(drop)
     }
+}
+
+/// The name of this computer; empty if it cannot be read.
+fn host_name() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use std::time::Duration;
 use axum::body::Body;
 use axum::extract::{ConnectInfo, DefaultBodyLimit, Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
-use axum::http::{Method, StatusCode};
+use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
@@ -25,6 +25,7 @@ use super::access::{Access, Identity, Refusal, Visitor};
 use super::connections::Place;
 use super::keyring::Role;
 use super::origin_check::{OriginHeaders, Reason};
+use super::unknown_host;
 
 /// Timeout for the body of a request.
 const BODY: Duration = Duration::from_secs(15);
@@ -32,6 +33,8 @@ const BODY: Duration = Duration::from_secs(15);
 pub(super) const COOKIE: &str = "spykee_token";
 /// Path of the request that must always get through.
 const STOP: &str = "/api/stop";
+/// Path of the camera's pictures for tools, whose address may contain a token.
+pub const CAMERA: &str = "/api/camera.mjpeg";
 /// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
@@ -60,9 +63,22 @@ pub async fn guard_request(
             identify(&mut request, visitor);
             next.run(request.map(with_body_timeout)).await
         }
-        Err(refusal) => refusal.into_response(),
+        Err(refusal) => {
+            let response = refusal.into_response();
+            let misdirected = response.status() == StatusCode::MISDIRECTED_REQUEST;
+            if misdirected && is_for_people(request.headers()) {
+                unknown_host::page(only(request.headers(), &header::HOST))
+            } else {
+                response
+            }
+        }
     };
     with_response_headers(response)
+}
+
+/// Whether a browser shows the response to a person.
+fn is_for_people(headers: &HeaderMap) -> bool {
+    only(headers, &header::ACCEPT).is_some_and(|kinds| kinds.contains("text/html"))
 }
 
 /// Middleware of the private socket, which only programs of the same user can open.
@@ -125,13 +141,25 @@ fn admit(
             Reason::Origin => Refusal::new(StatusCode::FORBIDDEN, reason.to_string()),
         })?;
     let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
-    match token {
+    let linked = token_in_address(request.uri());
+    match token.or(linked) {
         Some(token) => match access.visitor_of_token(token, from.ip()) {
+            Some(visitor) if linked.is_some() && visitor.role != Role::Viewer => {
+                let why =
+                    "a token in an address must be a viewer's: logs and histories keep addresses";
+                Err(Refusal::new(StatusCode::FORBIDDEN, why))
+            }
             Some(visitor) => Ok(Some(visitor)),
             None => Err(Refusal::wrong_token()),
         },
         None => Ok(access.visitor(cookie(headers))),
     }
+}
+
+/// Returns the token of a tool that can send no headers.
+fn token_in_address(uri: &Uri) -> Option<&str> {
+    let mut fields = uri.query().filter(|_| uri.path() == CAMERA)?.split('&');
+    fields.find_map(|field| field.strip_prefix("token="))
 }
 
 /// Returns the value of a header that must not occur twice.

@@ -34,13 +34,26 @@ pub(super) enum Reason {
 #[derive(Debug, Clone)]
 pub(super) struct Names {
     listen: SocketAddr,
+    /// From the config.
     more: Vec<String>,
+    /// This computer's, without a domain.
+    own: String,
 }
 
+/// Domains of home networks, which nobody can register: the names in them are given by the network
+/// of the visitor.
+const HOME_DOMAINS: [&str; 3] = ["local", "lan", "home.arpa"];
+
 impl Names {
-    pub(super) fn new(listen: SocketAddr, more: &[String]) -> Names {
+    /// `host_name` is that of this computer.
+    pub(super) fn new(listen: SocketAddr, more: &[String], host_name: &str) -> Names {
         let more = more.iter().map(|name| name.to_ascii_lowercase()).collect();
-        Names { listen, more }
+        let own = host_name.split('.').next().unwrap_or_default();
+        Names {
+            listen,
+            more,
+            own: own.to_ascii_lowercase(),
+        }
     }
 
     pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
@@ -63,26 +76,35 @@ impl Names {
     }
 
     /// `localhost` and the numeric addresses of this machine are ours: no other site can have them
-    /// as a name. Other names must be listed in the config.
+    /// as a name. On loopback the port may be that of a tunnel, such as `ssh -L`. Our host name is
+    /// ours in home networks, and only where a token is required: a neighbour may lie about it.
+    /// Other names must be listed in the config.
     fn is_ours(&self, host: &str) -> bool {
         let (name, port) = split(host);
         if self.more.iter().any(|more| more == host || more == name) {
             return true;
         }
+        let bare = name.trim_start_matches('[').trim_end_matches(']');
+        let address = bare.parse::<IpAddr>().ok();
+        if name == "localhost" || address.is_some_and(|address| address.is_loopback()) {
+            return true;
+        }
         if port.is_some_and(|port| port != self.listen.port().to_string()) {
             return false;
         }
-        let bare = name.trim_start_matches('[').trim_end_matches(']');
-        match bare.parse::<IpAddr>() {
-            Ok(address) if self.listen.ip().is_unspecified() => !address.is_unspecified(),
-            Ok(address) => address == self.listen.ip(),
-            Err(_) => name == "localhost" && reaches_loopback(self.listen.ip()),
+        match address {
+            Some(address) if self.listen.ip().is_unspecified() => !address.is_unspecified(),
+            Some(address) => address == self.listen.ip(),
+            None => !self.listen.ip().is_loopback() && self.is_own(name),
         }
     }
-}
 
-fn reaches_loopback(ip: IpAddr) -> bool {
-    ip.is_loopback() || ip.is_unspecified()
+    /// Whether this is the host name of this computer, alone or in a home network.
+    fn is_own(&self, name: &str) -> bool {
+        let (label, domain) = name.split_once('.').unwrap_or((name, ""));
+        let at_home = domain.is_empty() || HOME_DOMAINS.contains(&domain);
+        !label.is_empty() && label == self.own && at_home
+    }
 }
 
 /// Splits name and port; an IPv6 address is in brackets.
@@ -99,7 +121,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn names(listen: &str) -> Names {
-        Names::new(listen.parse().unwrap(), &["Robot.Example.org".to_owned()])
+        let more = ["Robot.Example.org".to_owned()];
+        Names::new(listen.parse().unwrap(), &more, "Pi.example.org")
     }
 
     fn validate(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
@@ -120,19 +143,24 @@ mod tests {
             "localhost:7788",
             "LOCALHOST:7788",
             "robot.example.org",
+            // Through a tunnel.
+            "localhost:8080",
+            "127.0.0.1:80",
+            "[::1]:8080",
         ] {
             assert_eq!(validate(here, good, None), Ok(()), "{good}");
         }
         for bad in [
             "evil.example",
             "evil.example:7788",
-            "127.0.0.1:80",
             "localhost.evil.example:7788",
             "127.0.0.1.evil.example:7788",
             "10.0.0.5:7788",
             "",
             ":",
-            "[::1]:7788",
+            // A neighbour could lie about it, and no token is required here.
+            "pi:7788",
+            "pi.local:7788",
         ] {
             assert_eq!(validate(here, bad, None), Err(Reason::Host), "{bad}");
         }
@@ -144,6 +172,33 @@ mod tests {
         assert_eq!(validate("[::1]:7788", "[::1]:7788", None), Ok(()));
         let nobody = names(here).validate(OriginHeaders::default());
         assert_eq!(nobody, Err(Reason::Host));
+    }
+
+    #[test]
+    fn beyond_loopback_the_own_host_name_is_accepted_in_home_networks_only() {
+        for listen in ["0.0.0.0:7788", "[::]:7788", "192.168.1.7:7788"] {
+            for good in ["pi:7788", "PI.local:7788", "pi.lan", "pi.home.arpa:7788"] {
+                assert_eq!(validate(listen, good, None), Ok(()), "{good}");
+            }
+            for bad in [
+                "pi.local:8080",
+                "pi.example.org:7788",
+                "pi.evil.example:7788",
+                "pi.local.evil.example:7788",
+                "api.local:7788",
+                "local:7788",
+                ".local:7788",
+            ] {
+                assert_eq!(validate(listen, bad, None), Err(Reason::Host), "{bad}");
+            }
+        }
+        let nameless = Names::new("0.0.0.0:7788".parse().unwrap(), &[], "");
+        let host = Some(".local:7788");
+        let request = OriginHeaders {
+            host,
+            ..OriginHeaders::default()
+        };
+        assert_eq!(nameless.validate(request), Err(Reason::Host));
     }
 
     #[test]
@@ -187,8 +242,9 @@ mod tests {
         fn no_header_causes_a_panic_and_unknown_hosts_are_rejected(host in "\\PC{0,40}", origin in "\\PC{0,40}") {
             let verdict = validate("127.0.0.1:7788", &host, Some(&origin));
             let known = host.to_ascii_lowercase();
-            let ours = known.starts_with("127.0.0.1") || known.starts_with("localhost")
-                || known.starts_with("robot.example.org");
+            let ours = ["127.", "[::1]", "::1", "localhost", "robot.example.org"]
+                .iter()
+                .any(|start| known.starts_with(start));
             prop_assert!(ours || verdict.is_err());
         }
     }

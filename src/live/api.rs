@@ -19,9 +19,9 @@ use super::broadcast::Broadcast;
 use super::history::{self, History};
 use super::scripts::{self, Text};
 use super::viewer::Viewer;
-use super::{connection, messages};
+use super::{connection, messages, mjpeg};
 use crate::control;
-use crate::http::{Me, Refusal, Role, Visitor};
+use crate::http::{CAMERA, Me, Refusal, Role, Visitor};
 use crate::pilot::LinkState;
 
 /// Maximum number of days of history in one response.
@@ -75,7 +75,7 @@ impl Get {
 }
 
 /// Everything that programs can read here, the requests apart.
-fn gets() -> [Get; 7] {
+fn gets() -> [Get; 8] {
     let health = "Whether the program and the robot are up.";
     let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
                  with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
@@ -108,6 +108,13 @@ fn gets() -> [Get; 7] {
             "A picture that a behaviour has saved.",
             |_| json!({ "image/jpeg": {} }),
             get(saved_picture),
+        ),
+        Get::new(
+            CAMERA,
+            "The camera's pictures as MJPEG, at least one each second, for tools. One that can send \
+             no headers adds `?token=` with a viewer's token.",
+            Gives::Kind(mjpeg::CONTENT_TYPE),
+            get(mjpeg::camera),
         ),
         Get::new(
             "/api/history",
@@ -311,7 +318,7 @@ mod tests {
     fn every_request_is_described_with_its_fields_and_its_answer() {
         let document = openapi();
         let paths = document["paths"].as_object().unwrap();
-        assert_eq!(paths.len(), 22);
+        assert_eq!(paths.len(), 23);
         for (path, methods) in paths {
             for operation in methods.as_object().unwrap().values() {
                 let summary = operation["summary"].as_str().unwrap_or_default();

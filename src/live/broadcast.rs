@@ -101,7 +101,7 @@ pub(super) struct Broadcast {
     pub(super) access: Arc<Access>,
     /// Limits the number of concurrent disk reads.
     pub(super) reading: Semaphore,
-    pub(super) camera: Camera,
+    pub(super) camera: Arc<Camera>,
     pub(super) log_buffer: LogBuffer,
     pub(super) metrics: Metrics,
     pub(super) found: broadcast::Sender<Utf8Bytes>,
@@ -137,7 +137,7 @@ impl Broadcast {
             data,
             access,
             reading: Semaphore::new(READERS),
-            camera: Camera::default(),
+            camera: Arc::default(),
             log_buffer: LogBuffer::new(),
             metrics: Metrics::default(),
             found: broadcast::Sender::new(FOUND),
@@ -397,9 +397,9 @@ pub(super) struct Camera {
 }
 
 #[derive(Debug)]
-pub(super) struct CameraViewer<'a>(&'a Camera);
+pub(super) struct CameraViewer(Arc<Camera>);
 
-impl Drop for CameraViewer<'_> {
+impl Drop for CameraViewer {
     fn drop(&mut self) {
         self.0
             .viewers
@@ -408,9 +408,9 @@ impl Drop for CameraViewer<'_> {
 }
 
 impl Camera {
-    pub(super) fn register(&self) -> CameraViewer<'_> {
+    pub(super) fn register(self: &Arc<Camera>) -> CameraViewer {
         self.viewers.send_modify(|viewers| *viewers += 1);
-        CameraViewer(self)
+        CameraViewer(self.clone())
     }
 
     pub(super) async fn serve(&self, run: &Run) {

@@ -148,6 +148,11 @@ const FILES: &[(&str, &str, &str)] = &[
         include_str!("page/style.css"),
     ),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
+    (
+        "/manifest.webmanifest",
+        "application/manifest+json",
+        include_str!("page/manifest.webmanifest"),
+    ),
     ("/app.js", JS, include_str!("page/app.js")),
     ("/battery.js", JS, include_str!("page/battery.js")),
     ("/behaviours.js", JS, include_str!("page/behaviours.js")),

@@ -1,7 +1,7 @@
 // Drives the page in Chromium. Each promise is a function; what the robot does is asked of the simulated
 // world, through the map's own messages.
 
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync, spawn, spawnSync } from "node:child_process";
 import fs from "node:fs";
 import net from "node:net";
 import { createRequire } from "node:module";
@@ -46,12 +46,13 @@ class Process {
 
 /** A run with a page, in a folder of its own. */
 class Run {
-  static async start(files, args, command = ["run", "--live=127.0.0.1:0"]) {
+  static async start(files, args, command = ["run", "--live=127.0.0.1:0"], roles = []) {
     const run = new Run();
     run.folder = fs.mkdtempSync(path.join(os.tmpdir(), "spykee-live-"));
     for (const [name, text] of Object.entries(files)) {
       fs.writeFileSync(path.join(run.folder, name), text, { mode: 0o600 });
     }
+    run.tokens = Object.fromEntries(roles.map((role) => [role, run.#make(role)]));
     run.process = await Process.start([...command, ...args], /the page is at (http\S+)/, run.folder);
     run.url = run.process.found[1];
     return run;
@@ -59,10 +60,14 @@ class Run {
 
   /** A new token with this role, once the run knows it. */
   async token(role) {
-    const token = execFileSync(spykee, ["token", "new", role, "--role", role], { cwd: this.folder, encoding: "utf8" }).trim();
+    const token = this.#make(role);
     const headers = { authorization: `Bearer ${token}` };
     await until(async () => (await fetch(`${this.url}api/status`, { headers })).ok, "a token that is known");
     return token;
+  }
+
+  #make(role) {
+    return execFileSync(spykee, ["token", "new", role, "--role", role], { cwd: this.folder, encoding: "utf8" }).trim();
   }
 
   async end() {
@@ -195,6 +200,7 @@ const IDLE = "log.info('I am idle')\ntask.wait(3600)\n";
 const DESK = { viewport: { width: 1280, height: 900 } };
 const PHONE = { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, hasTouch: true, isMobile: true };
 const LANDSCAPE = { ...PHONE, viewport: { width: 844, height: 390 } };
+const TABLET = { viewport: { width: 820, height: 1180 }, hasTouch: true, isMobile: true };
 const SPIN = "while true do robot.move(30, -30, 0.4) end\n";
 /** How long the page may take until it says that nothing arrives, and a STOP until it is heard, milliseconds; with some
  *  allowance for a busy machine. */
@@ -257,6 +263,72 @@ async function open(browser, run, options = DESK) {
 
 async function ready(page) {
   await page.getByRole("img", { name: "What the robot's camera sees" }).waitFor({ timeout: WAIT_LIMIT });
+}
+
+/** All these can be seen and touched: they are within the window, and do not cover each other. */
+async function inView(page, what, elements) {
+  const { width, height } = page.viewportSize();
+  const boxes = [];
+  for (const [name, element] of Object.entries(elements)) {
+    await element.waitFor();
+    const box = await element.boundingBox();
+    if (box.x < 0 || box.y < 0 || box.x + box.width > width || box.y + box.height > height) {
+      throw new Error(`${what}: ${name} is out of sight: ${JSON.stringify(box)}`);
+    }
+    for (const [other, near] of boxes) {
+      const apart = box.x >= near.x + near.width || near.x >= box.x + box.width || box.y >= near.y + near.height || near.y >= box.y + box.height;
+      if (!apart) {
+        throw new Error(`${what}: ${name} covers ${other}: ${JSON.stringify([box, near])}`);
+      }
+    }
+    boxes.push([name, box]);
+  }
+}
+
+/** Takes MJPEG to the letter for at most this long: each part begins where the one before it has ended, and is a JPEG of
+ *  the length that it says. How many pictures came, the longest wait for one, and whether the server ended it. */
+async function mjpeg(url, headers, limit) {
+  const began = Date.now();
+  const stop = AbortSignal.timeout(limit);
+  const answer = await fetch(url, { headers, signal: stop });
+  const [, boundary] = /^multipart\/x-mixed-replace; boundary=(\w+)$/.exec(answer.headers.get("content-type"));
+  const head = new RegExp(`^--${boundary}\\r\\nContent-Type: image/jpeg\\r\\nContent-Length: (\\d+)\\r\\n\\r\\n`);
+  const taken = { pictures: 0, gap: 0, ended: false, lasted: 0 };
+  let [rest, came] = [Buffer.alloc(0), null];
+  try {
+    for await (const chunk of answer.body) {
+      rest = Buffer.concat([rest, chunk]);
+      for (;;) {
+        const text = rest.subarray(0, 200).toString("latin1");
+        const found = head.exec(text);
+        if (!found) {
+          if (text.includes("\r\n\r\n")) {
+            throw new Error(`not a part: ${JSON.stringify(text)}`);
+          }
+          break;
+        }
+        const end = found[0].length + Number(found[1]);
+        if (rest.length < end + 2) {
+          break;
+        }
+        const picture = rest.subarray(found[0].length, end);
+        if (picture.readUInt16BE(0) !== 0xffd8 || picture.readUInt16BE(picture.length - 2) !== 0xffd9 || rest.toString("latin1", end, end + 2) !== "\r\n") {
+          throw new Error("the length is not that of the picture");
+        }
+        rest = rest.subarray(end + 2);
+        taken.pictures += 1;
+        taken.gap = Math.max(taken.gap, came === null ? 0 : Date.now() - came);
+        came = Date.now();
+      }
+    }
+    taken.ended = true;
+  } catch (error) {
+    if (!stop.aborted) {
+      throw error;
+    }
+  }
+  taken.lasted = Date.now() - began;
+  return taken;
 }
 
 function clean(page) {
@@ -519,6 +591,247 @@ const promises = {
     await page.context().close();
     observer.close();
     await run.end();
+  },
+
+  async "on its station, whoever takes control is asked whether to leave it"(browser) {
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim", "playpen"]);
+    const observer = new StateObserver(run.url);
+    for (const [name, options] of [["phone", PHONE], ["landscape", LANDSCAPE], ["desktop", DESK]]) {
+      const page = await open(browser, run, options);
+      await ready(page);
+      const question = page.getByText("It is on its station. Leave it?");
+      if (await question.isVisible()) {
+        throw new Error("somebody is asked who does not drive");
+      }
+      await takeControl(page);
+      await question.waitFor();
+      const leave = page.locator(".station").getByRole("button", { name: "Leave the station" });
+      await inView(page, `${name}: the question`, { question, leave, lock: button(page, "Release control"), stop: button(page, "STOP") });
+      await keep(page, `station-${name}`);
+      if (name === "desktop") {
+        await page.keyboard.down("ArrowUp");
+        await page.waitForTimeout(1000);
+        await page.keyboard.up("ArrowUp");
+        if (!observer.state.docked) {
+          throw new Error("it has left without an answer");
+        }
+        await leave.click();
+        await until(() => !observer.state.docked, "a robot that has left");
+        await question.waitFor({ state: "hidden" });
+        await page.evaluate(() => document.activeElement.blur());
+        await page.keyboard.down("ArrowLeft");
+        await observer.moves(true);
+        await page.keyboard.up("ArrowLeft");
+        await observer.rests();
+      }
+      clean(page);
+      await page.context().close();
+    }
+    observer.close();
+    await run.end();
+  },
+
+  async "a phone on its side shows the whole picture, with pad and STOP over it, and drives"(browser) {
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"]);
+    const observer = new StateObserver(run.url);
+    for (const [width, height] of [[844, 390], [667, 375], [932, 430]]) {
+      const page = await open(browser, run, { ...LANDSCAPE, viewport: { width, height } });
+      await ready(page);
+      const stage = await page.locator(".stage").boundingBox();
+      if (stage.x !== 0 || stage.y !== 0 || stage.width !== width || stage.height !== height) {
+        throw new Error(`${width}x${height}: the picture is not the screen: ${JSON.stringify(stage)}`);
+      }
+      await button(page, "Take control").tap();
+      const [pad, lock, stop] = [page.getByRole("img", { name: /Drive pad/ }), button(page, "Release control"), button(page, "STOP")];
+      await lock.waitFor();
+      await inView(page, `${width}x${height}`, { pad, lock, stop, level: page.locator(".level"), state: page.locator(".state") });
+      const box = await pad.boundingBox();
+      await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+      await page.mouse.down();
+      await page.mouse.move(box.x + box.width / 2 - 40, box.y + box.height / 2);
+      await observer.moves(true);
+      await keep(page, `lying-${width}`);
+      await page.mouse.up();
+      await observer.rests();
+      await stop.tap();
+      const again = button(page, "Let it move again");
+      await inView(page, `${width}x${height}: stopped`, { again, stop, words: page.getByRole("alert").getByText(/^Stopped/) });
+      await keep(page, `lying-stopped-${width}`);
+      await again.tap();
+      await until(() => !observer.state.emergency_stop, "a robot that may move");
+      clean(page);
+      await page.context().close();
+    }
+    observer.close();
+    await run.end();
+  },
+
+  async "a phone's header says how full the battery is and what runs"(browser) {
+    const run = await Run.start({ "spin.lua": SPIN, "idle.lua": IDLE }, ["spin.lua", "idle.lua", "--sim"]);
+    const page = await open(browser, run, PHONE);
+    await ready(page);
+    const header = page.getByRole("banner");
+    await header.getByText(/^[1-9]\d? %$/).waitFor();
+    await header.getByText(/^(spin, idle|idle, spin)$/).waitFor();
+    await button(page, "End idle").click();
+    await header.getByText("spin", { exact: true }).waitFor();
+    await keep(page, "header-phone");
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
+  async "the keyboard skips the log on its way to driving"(browser) {
+    const run = await Run.start({ "idle.lua": "for i = 1, 15 do log.info('line ' .. i) end\n" + IDLE }, ["idle.lua", "--sim"]);
+    const page = await open(browser, run);
+    await ready(page);
+    await page.locator(".log").getByText("I am idle").waitFor();
+    await page.keyboard.press("Tab");
+    const link = page.getByRole("link", { name: "Skip to driving" });
+    await inView(page, "the link", { link });
+    await keep(page, "skip");
+    await page.keyboard.press("Enter");
+    await page.keyboard.press("Enter");
+    await button(page, "Release control").waitFor();
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
+  async "the log has what scripts and the program say, not each light and sound"(browser) {
+    const blink = "for i = 1, 30 do robot.led('left', true) robot.led('left', false) end\nrobot.play('laser')\n"
+      + "log.info('done, picture=/a/long/way/to/seen.jpg')\ntask.wait(3600)\n";
+    const run = await Run.start({ "blink.lua": blink }, ["blink.lua", "--sim"]);
+    const page = await open(browser, run);
+    await ready(page);
+    await page.locator(".log").getByText("done, picture=seen.jpg", { exact: true }).waitFor();
+    await page.waitForTimeout(1000);
+    const drawn = (await page.locator(".log .text").allTextContents()).filter((line) => /left light|plays/.test(line));
+    if (drawn.length > 0) {
+      throw new Error(`${drawn.length} lines of what the page draws`);
+    }
+    if (!/left light on[^]*plays laser/.test(run.process.text)) {
+      throw new Error("the program's own log lacks them, too");
+    }
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
+  async "a phone may keep the page among its apps"(browser) {
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"]);
+    const page = await open(browser, run, PHONE);
+    await ready(page);
+    const session = await page.context().newCDPSession(page);
+    const { errors, data } = await session.send("Page.getAppManifest");
+    const { installabilityErrors } = await session.send("Page.getInstallabilityErrors");
+    // The browser of a test keeps nothing.
+    const wrong = [...errors, ...installabilityErrors.filter(({ errorId }) => errorId !== "in-incognito")];
+    if (wrong.length > 0) {
+      throw new Error(JSON.stringify(wrong));
+    }
+    const { start_url, display, icons } = JSON.parse(data);
+    if (start_url !== "/" || display !== "standalone" || icons.length === 0) {
+      throw new Error(data);
+    }
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
+  async "the page opens at the addresses that people use, and at another one tells them what to do"(browser) {
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"], ["run", "--live=0.0.0.0:0"], ["driver"]);
+    const { port } = new URL(run.url);
+    const tunnel = await Line.to(Number(port));
+    const own = os.hostname().split(".")[0].toLowerCase();
+    for (const host of [`127.0.0.1:${port}`, `localhost:${tunnel.port}`, `127.0.0.1:${tunnel.port}`, `${own}:${port}`, `${own}.local:${port}`]) {
+      const page = await open(browser, { url: `http://${host}/#token=${run.tokens.driver}` });
+      await ready(page);
+      await button(page, "Take control").click();
+      await button(page, "Release control").waitFor();
+      clean(page);
+      await page.context().close();
+    }
+    const page = await open(browser, { url: `http://robot.test:${port}/` }, PHONE);
+    await page.getByRole("heading", { name: "spykee does not know this address" }).waitFor();
+    await page.getByText("live: { hosts: [robot.test] }", { exact: true }).waitFor();
+    await keep(page, "unknown-address");
+    await page.context().close();
+    const answer = await fetch(`${run.url}api/status`, { headers: { host: "robot.test" } }).catch(() => null);
+    if (answer && answer.status === 421 && !(await answer.json()).error) {
+      throw new Error("programs do not get the reason");
+    }
+    tunnel.end();
+    await run.end();
+  },
+
+  async "other tools take the camera as MJPEG, with a token that may only look"() {
+    const sim = await Process.start(["sim", "--listen", "127.0.0.1:0"], /listens on 127\.0\.0\.1:(\d+)/);
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--robot", `127.0.0.1:${sim.found[1]}`, "--no-check"],
+      ["run", "--live=127.0.0.1:0"], ["viewer", "driver"]);
+    const { viewer, driver } = run.tokens;
+    const at = `${run.url}api/camera.mjpeg`;
+    for (const [query, status] of [["", 401], ["?token=spykee_wrong", 401], [`?token=${driver}`, 403]]) {
+      const answer = await fetch(at + query);
+      if (answer.status !== status || !(await answer.json()).error) {
+        throw new Error(`${query || "no token"}: ${answer.status}`);
+      }
+    }
+    const elsewhere = await fetch(`${run.url}api/status?token=${viewer}`);
+    if (elsewhere.status !== 401) {
+      throw new Error(`a token in another address: ${elsewhere.status}`);
+    }
+    const steady = await mjpeg(at, { authorization: `Bearer ${driver}` }, 3000);
+    if (steady.pictures < 20) {
+      throw new Error(`only ${steady.pictures} pictures in 3 s`);
+    }
+    const url = `${at}?token=${viewer}`;
+    const missing = [];
+    if (has("ffprobe")) {
+      const probe = execFileSync("ffprobe", ["-v", "error", "-f", "mpjpeg", "-strict_mime_boundary", "1", "-read_intervals", "%+#20",
+        "-count_packets", "-show_entries", "stream=codec_name,width,height,nb_read_packets", "-of", "csv=p=0", url],
+      { encoding: "utf8", timeout: WAIT_LIMIT }).trim();
+      if (probe !== "mjpeg,320,240,20") {
+        throw new Error(`ffprobe: ${probe}`);
+      }
+    } else {
+      missing.push("ffprobe");
+    }
+    if (spawnSync("python3", ["-c", "import cv2"]).status === 0) {
+      const take = "import cv2, sys\nc = cv2.VideoCapture(sys.argv[1])\nprint({c.read()[1].shape for _ in range(20)})";
+      const shapes = execFileSync("python3", ["-c", take, url], { encoding: "utf8", timeout: WAIT_LIMIT }).trim();
+      if (shapes !== "{(240, 320, 3)}") {
+        throw new Error(`OpenCV: ${shapes}`);
+      }
+    } else {
+      missing.push("OpenCV");
+    }
+    // A picture each second, even if the robot sends none; then the end, not an old picture for ever.
+    const frozen = mjpeg(url, {}, 2 * WAIT_LIMIT);
+    await new Promise((resolve) => setTimeout(resolve, 1000));
+    sim.child.kill("SIGSTOP");
+    const { ended, gap, lasted } = await frozen;
+    sim.child.kill("SIGCONT");
+    // With some allowance for a busy machine.
+    if (!ended || gap > 1000 + 500 || lasted < 10_000) {
+      throw new Error(`without new pictures: ended ${ended} after ${lasted} ms, a gap of ${gap} ms`);
+    }
+    await until(async () => {
+      const stream = await fetch(url);
+      await stream.body.cancel();
+      return stream.ok;
+    }, "pictures again");
+    // Whoever loses the token loses the picture.
+    const watching = mjpeg(url, {}, WAIT_LIMIT);
+    await new Promise((resolve) => setTimeout(resolve, 1000));
+    execFileSync(spykee, ["token", "revoke", "viewer"], { cwd: run.folder });
+    const revoked = await watching;
+    if (!revoked.ended || revoked.lasted > 5000) {
+      throw new Error(`after its token is revoked: ${JSON.stringify(revoked)}`);
+    }
+    await run.end();
+    await sim.end();
+    return missing.length > 0 ? `no ${missing.join(", no ")}` : "";
   },
 
   async "logging in and out, and roles"(browser) {
@@ -804,7 +1117,7 @@ const promises = {
 
   async "nothing serious in the way of people who use other means, in light and dark, large and small"(browser) {
     const run = await Run.start({}, [path.join(root, "behaviours/patrol.lua"), "--sim"]);
-    for (const [name, options] of [["desktop", DESK], ["phone", PHONE]]) {
+    for (const [name, options] of [["desktop", DESK], ["phone", PHONE], ["lying", LANDSCAPE], ["tablet", TABLET]]) {
       for (const colorScheme of ["light", "dark"]) {
         const page = await open(browser, run, { ...options, colorScheme });
         await ready(page);
@@ -872,7 +1185,7 @@ async function keep(page, name) {
 }
 
 const browser = await chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1"],
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
 });
 
 /** Puts a promise to the test; whether it holds. */

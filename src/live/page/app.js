@@ -34,7 +34,8 @@ function build(app, visitor) {
   const connection = new Connection();
   const title = h("h1", {}, "spykee");
   const state = h("p", { class: "state", role: "status" }, t("connecting"));
-  const detail = h("p", { class: "quiet detail" });
+  const [level, active, more] = [h("span", { class: "level" }), h("span"), h("span", { class: "more" })];
+  const detail = h("p", { class: "quiet detail" }, level, active, more);
   const banner = h("p", { class: "banner", role: "alert", hidden: true });
   const notice = h("p", { class: "notice", role: "status" });
   let fading = null;
@@ -73,12 +74,19 @@ function build(app, visitor) {
     battery: battery(connection), robot: robot(connection, command), behaviours: behaviours(connection, command),
     simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection),
   };
+  /** Past all lines of the log. */
+  function skip(event) {
+    event.preventDefault();
+    parts.drive.querySelector(".drive-lock").focus();
+  }
+
   const controls = h("fieldset", { class: "grid", role: "none" },
     h("div", { class: "column" }, parts.camera, parts.log, parts.history),
     h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
     h("div", { class: "column" }, parts.drive, parts.battery, parts.robot));
   app.replaceChildren(
     h("header", {},
+      h("a", { class: "skip driver-only", href: "#drive-title", onclick: skip }, t("skip")),
       h("div", { class: "top" },
         h("img", { src: "/icon.svg", alt: "", width: 36, height: 36 }),
         h("div", { class: "who" }, title, detail),
@@ -115,6 +123,10 @@ function build(app, visitor) {
     say(title, now.robot?.name ?? "spykee");
     document.title = `${visible(now.robot?.name ?? "spykee")} · ${typeof now.battery?.percent === "number" ? `${now.battery.percent} %` : ""}`;
     last = now;
+    const { percent = null, charging } = now.battery ?? {};
+    say(level, percent === null ? "" : `${percent} %${charging ? `, ${t("charging")}` : ""}`);
+    level.classList.toggle("low", now.low);
+    say(active, now.behaviours.map((one) => one.name).join(", "));
     const facts = [
       now.link === "up" ? t(`dock_state_${now.dock_state}`) : null,
       now.simulated ? t("simulated") : now.target,
@@ -122,7 +134,7 @@ function build(app, visitor) {
       now.viewers > 1 ? t("viewers", { count: now.viewers }) : null,
       visitor.role === "viewer" ? t("role_viewer") : null,
     ];
-    say(detail, facts.filter((one) => one).join(" · "));
+    say(more, facts.filter((one) => one).join(" · "));
     show();
   });
   connection.on("notice", ({ key, name: other }) => note(t(key, { name: other })));

@@ -145,12 +145,16 @@ export function drive(connection, command, notice) {
   }
 
   connection.on("hello", (hello) => { you = hello.you; });
-  connection.on("state", ({ driver }) => {
+  connection.on("state", ({ driver, docked }) => {
     const had = mine;
     mine = driver !== null && driver.id === you;
     card.classList.toggle("mine", mine);
     say(lock, t(mine ? "drive_release" : "drive_take"));
     say(who, driver && !mine ? t("driving", { name: driver.name }) : t("drive_hint"));
+    // There it does not drive, whatever is pressed.
+    const waits = mine && docked;
+    say(question, waits ? t("drive_docked") : "");
+    station.classList.toggle("on", waits);
     if (had && !mine) {
       rest();
       resting = true;
@@ -170,9 +174,12 @@ export function drive(connection, command, notice) {
     }
     return text;
   };
+  const question = h("span", { role: "status" });
+  const station = h("div", { class: "station" }, question,
+    h("button", { type: "button", onclick: dock("undock") }, t("undock")));
   const card = h("section", { class: "card drive driver-only", "aria-labelledby": "drive-title" },
     h("h2", { id: "drive-title" }, t("drive")),
-    h("div", { class: "controls" }, pad, arrows),
+    h("div", { class: "controls" }, pad, arrows, station),
     h("div", { class: "row" }, lock),
     h("div", { class: "row" }, h("label", { for: "power" }, t("power")), power),
     who,

@@ -7,6 +7,9 @@ import { t } from "./texts.js";
 const LEVELS = ["error", "warn", "info", "debug", "trace"];
 const KEPT = 500;
 
+/** Without the folder of a saved picture, which fills lines. */
+const short = (text) => text.replace(/ picture=\S*\//, " picture=");
+
 export function log(connection) {
   const list = h("ol", { class: "lines", "aria-label": t("log"), tabindex: 0 });
   const empty = h("p", { class: "quiet" }, t("log_empty"));
@@ -45,7 +48,7 @@ export function log(connection) {
       onclick: () => showScript(name, number),
     }, `${name}:${number}`) : name ? h("span", { class: "where" }, name) : null;
     const element = h("li", { class: kind, "data-level": kind, "data-behaviour": name ?? "" },
-      h("time", {}, time.format(new Date(at))), where, h("span", { class: "text" }, text));
+      h("time", {}, time.format(new Date(at))), where, h("span", { class: "text", title: text }, short(text)));
     element.hidden = !visible(element);
     return element;
   }
@@ -70,7 +73,7 @@ export function log(connection) {
   return h("section", { class: "card log", "aria-labelledby": "log-title" },
     h("div", { class: "head" }, h("h2", { id: "log-title" }, t("log")),
       h("div", { class: "row filters" },
-        h("label", { for: "log-level" }, t("level")), level,
-        h("label", { for: "log-behaviour" }, t("behaviour")), behaviour)),
+        h("span", { class: "check" }, h("label", { for: "log-level" }, t("level")), level),
+        h("span", { class: "check" }, h("label", { for: "log-behaviour" }, t("behaviour")), behaviour))),
     empty, list);
 }

@@ -54,6 +54,7 @@ const TEXTS = {
   delays: ["Commands wait {robot} in the robot; {network} through the network and back", "Befehle warten {robot} im Roboter; {network} durchs Netz und zurück", "I comandi attendono {robot} nel robot; {network} in rete, andata e ritorno"],
   fps: ["{fps} pictures per second", "{fps} Bilder pro Sekunde", "{fps} immagini al secondo"],
 
+  skip: ["Skip to driving", "Zum Fahren springen", "Vai alla guida"],
   drive: ["Drive", "Fahren", "Guida"],
   drive_take: ["Take control", "Ans Steuer", "Prendi il volante"],
   drive_release: ["Release control", "Steuer abgeben", "Lascia il volante"],
@@ -61,6 +62,7 @@ const TEXTS = {
   drive_taken: ["{name} is in control", "{name} ist am Steuer", "Il volante è di {name}"],
   drive_stopped: ["The robot is stopped: let it move again first", "Angehalten: erst wieder fahren lassen", "È fermo: prima lascialo ripartire"],
   drive_not_real_time: ["You can drive by hand only at speed 1x, and not while the simulation is paused", "Von Hand fahren geht nur mit Tempo 1x und nicht in der Pause", "Si guida a mano a velocità 1x, e non in pausa"],
+  drive_docked: ["It is on its station. Leave it?", "Er steht auf der Station. Verlassen?", "È sulla base. Lasciarla?"],
   drive_lost: ["You are no longer in control", "Du bist nicht mehr am Steuer", "Non hai più il volante"],
   pad: ["Drive pad: hold and move", "Fahrfeld: halten und ziehen", "Riquadro di guida: tieni premuto e muovi"],
   forward: ["Forward", "Vorwärts", "Avanti"],

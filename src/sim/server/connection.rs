@@ -365,7 +365,7 @@ mod tests {
         let reports = ReportQueue::default();
         for _ in 0..10_000 {
             reports.push(&frame(0));
-            reports.push(&Report::Audio(Bytes::from(vec![0; 1600])));
+            assert!(reports.push(&Report::Audio(Bytes::from(vec![0; 1600]))));
         }
         let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
         assert!((0..10).any(|_| !reports.push(&log)));
