@@ -160,6 +160,6 @@ pub mod sim;
 pub mod simulation;
 pub mod socket_outq;
 pub mod timetable;
-pub mod vision;
-pub mod wire;
 pub mod yaml;
+
+pub use {vision, wire};

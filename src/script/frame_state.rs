@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::damage::Damage;
 use super::options::Options;
 use crate::odometry::TimedMotion;
 use crate::robot::Frame;
-use crate::vision::{Blob, Damage, FrameAnalyser, Size, SkylineReader};
+use crate::vision::{Blob, FrameAnalyser, Size, SkylineReader};
 
 /// Least time between two kept frames.
 const PERIOD: Duration = Duration::from_millis(500);

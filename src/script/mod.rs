@@ -6,6 +6,7 @@
 mod api;
 mod arguments;
 mod budget;
+mod damage;
 mod declaration;
 mod eval;
 mod events;

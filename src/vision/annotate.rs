@@ -6,8 +6,8 @@ use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
-use crate::vision::blobs::Blob;
-use crate::vision::picture::Image;
+use crate::blobs::Blob;
+use crate::picture::Image;
 
 const MAX_LETTERS: usize = 24;
 /// Length of the arms of the cross at a centroid, screen pixels.

@@ -6,10 +6,10 @@ mod regions;
 use serde::{Deserialize, Serialize};
 
 use self::regions::{Region, Regions};
-use crate::vision::camera::Camera;
-use crate::vision::colour::labeller::Labeller;
-use crate::vision::colour::palette::Palette;
-use crate::vision::picture::{Image, Roi, Size, Spans};
+use crate::camera::Camera;
+use crate::colour::labeller::Labeller;
+use crate::colour::palette::Palette;
+use crate::picture::{Image, Roi, Size, Spans};
 
 /// Most blobs that are merged: merging compares each with every other.
 const MAX_MERGED: usize = 512;
@@ -303,7 +303,7 @@ mod tests {
     use imageproc::rect::Rect;
 
     use super::*;
-    use crate::vision::Colour;
+    use crate::Colour;
 
     const RED: Rgb<u8> = Rgb([220, 20, 20]);
     const BLUE: Rgb<u8> = Rgb([20, 20, 220]);

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use thiserror::Error;
 
-use crate::vision::picture::{hsv_of, lab_of};
+use crate::picture::{hsv_of, lab_of};
 
 /// Lowest and highest value, both inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -15,8 +15,8 @@ use self::bits::Scan;
 use self::frame::{FrameError, validate_markers};
 use self::headers::{Component, Headers};
 use self::mcu::{BlockQueue, ComponentDecoder, decode_scan};
-use crate::vision::Vectors;
-use crate::vision::picture::{Image, Plane, Size};
+use crate::Vectors;
+use crate::picture::{Image, Plane, Size};
 
 /// Decodes one frame after another into the same planes, so that after the first frames nothing is
 /// allocated. Data that ends early, is too long or is invalid gives an error, where other decoders

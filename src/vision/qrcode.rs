@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use image::imageops::{self, FilterType};
 use image::{GenericImage, GenericImageView, GrayImage, Luma};
 
-use crate::vision::picture::Image;
+use crate::picture::Image;
 
 /// Most codes that are read in one picture.
 pub const MAX_CODES: usize = 8;

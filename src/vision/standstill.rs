@@ -6,8 +6,8 @@
 use std::time::Duration;
 
 use super::camera::{Camera, Horizon};
-use crate::vision::picture::Image;
-use crate::vision::picture::Size;
+use crate::picture::Image;
+use crate::picture::Size;
 
 /// The bands of rows over which columns are averaged, as shares of the rows from the horizon to the
 /// upper or lower edge of the picture.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::blobs::Blob;
 use super::camera::Camera;
-use crate::vision::picture::Size;
+use crate::picture::Size;
 
 const MAX_TRACKS: usize = 64;
 /// How many times `max_lost` a track may stay hidden in another track's blob.
@@ -334,7 +334,7 @@ impl Track {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::{BlobFinder, BlobOptions, Colour, Image, Palette};
+    use crate::{BlobFinder, BlobOptions, Colour, Image, Palette};
     use image::{Rgb, RgbImage};
     use imageproc::drawing::draw_filled_circle_mut;
     use rand::rngs::StdRng;

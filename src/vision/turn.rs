@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::camera::Camera;
-use crate::vision::picture::{Image, Size};
+use crate::picture::{Image, Size};
 
 /// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;

@@ -303,7 +303,7 @@ impl fmt::Debug for Secret {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Decoder;
+    use super::super::Decoder;
     use proptest::prelude::*;
 
     fn parse_bytes(mut bytes: &[u8]) -> Command {

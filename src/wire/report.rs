@@ -194,7 +194,7 @@ impl Accepted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Decoder;
+    use super::super::Decoder;
     use proptest::prelude::*;
 
     fn parse_bytes(mut bytes: &[u8]) -> Report {

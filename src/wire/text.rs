@@ -123,7 +123,7 @@ pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::{Packet, Report, kind};
+    use super::super::{Packet, Report, kind};
     use proptest::prelude::*;
 
     fn setting(key: &str, value: &str) -> Setting {

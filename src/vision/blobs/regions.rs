@@ -3,7 +3,7 @@
 //! counts, boxes and moments are summed up on the way. After the first pictures nothing is
 //! allocated.
 
-use crate::vision::picture::{Roi, Spans};
+use crate::picture::{Roi, Spans};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Region {

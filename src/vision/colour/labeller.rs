@@ -2,8 +2,8 @@
 //! usually most of it.
 
 use super::palette::{Cell, NO_COLOUR_ROW, Palette, level, pair_of};
-use crate::vision::Vectors;
-use crate::vision::picture::{Image, Spans};
+use crate::Vectors;
+use crate::picture::{Image, Spans};
 
 /// Most cells that are settled per picture: each may take a tenth of a picture's decoding time.
 const MAX_SETTLED: u32 = 4;
@@ -158,7 +158,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::vision::Colour;
+    use crate::Colour;
 
     proptest! {
         /// A row gets the same labels as pixel by pixel, whatever the subsampling, the first column
@@ -169,7 +169,7 @@ mod tests {
             near_grey in any::<bool>(),
             noise in proptest::collection::vec(any::<u8>(), 3 * 136 * 4),
         ) {
-            let mut image = Image { size: crate::vision::Size { width, height: 4 }, grey, ..Image::default() };
+            let mut image = Image { size: crate::Size { width, height: 4 }, grey, ..Image::default() };
             for (index, plane) in image.planes.iter_mut().enumerate() {
                 let shift = |shift| if index == 0 { 0 } else { shift };
                 plane.shape(136, 4, shift(across), shift(down));

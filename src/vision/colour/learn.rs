@@ -4,7 +4,7 @@
 use thiserror::Error;
 
 use super::Colour;
-use crate::vision::picture::{Image, Roi, Size, hsv_of};
+use crate::picture::{Image, Roi, Size, hsv_of};
 
 /// Least saturation and value, in percent, of a pixel with a usable hue.
 const LEAST_SATURATION: f64 = 22.0;
@@ -184,7 +184,7 @@ mod tests {
     use imageproc::drawing::draw_filled_circle_mut;
 
     use super::*;
-    use crate::vision::{BlobFinder, BlobOptions, Camera, Palette};
+    use crate::{BlobFinder, BlobOptions, Camera, Palette};
 
     /// Colour of the light, as factors of red, green and blue: daylight, a warm bulb, a dim room.
     const LIGHTS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.86, 0.68], [0.5, 0.5, 0.55]];

@@ -3,8 +3,8 @@
 //! 64 brightness levels, computed when the pair first occurs in a picture.
 
 use super::Colour;
-use crate::vision::Vectors;
-use crate::vision::picture::{Image, Plane, Spans, hsv_of, lab_of_linear, linear, rgb_of_ycc};
+use crate::Vectors;
+use crate::picture::{Image, Plane, Spans, hsv_of, lab_of_linear, linear, rgb_of_ycc};
 
 /// Number of bits of Cb and of Cr that are used.
 const CHROMA_BITS: u32 = 7;
@@ -273,7 +273,7 @@ mod avx2 {
     use pulp::x86::V3;
     use std::arch::x86_64::{__m128i, __m256i};
 
-    use crate::vision::picture::Spans;
+    use crate::picture::Spans;
 
     /// Finds the groups of a row that contain live cells, if each Cb and Cr applies to two pixels.
     pub(super) struct LiveSpans<'a> {

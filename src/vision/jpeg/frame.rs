@@ -3,7 +3,7 @@
 
 use thiserror::Error;
 
-use crate::vision::picture::{MAX_HEIGHT, MAX_WIDTH, Size};
+use crate::picture::{MAX_HEIGHT, MAX_WIDTH, Size};
 
 /// Longest JPEG that is accepted, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
@@ -151,7 +151,7 @@ impl<'a> Segments<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vision::Decoder;
+    use crate::Decoder;
 
     /// A frame with markers only: size, scan header, one byte of data, end.
     fn skeleton(width: u16, height: u16, kind: u8) -> Vec<u8> {

@@ -77,7 +77,7 @@ mod avx2 {
     use pulp::x86::V3;
     use std::arch::x86_64::{__m128i, __m256i};
 
-    use crate::vision::jpeg::idct::{Arithmetic, BIAS, SHIFT, butterfly};
+    use crate::jpeg::idct::{Arithmetic, BIAS, SHIFT, butterfly};
 
     /// The lower half of each register belongs to one block, the upper half to the other.
     impl Arithmetic for V3 {
@@ -170,7 +170,7 @@ mod avx2 {
     #[cfg(test)]
     mod tests {
         use super::*;
-        use crate::vision::jpeg::idct::transform;
+        use crate::jpeg::idct::transform;
         use proptest::prelude::*;
 
         proptest! {

@@ -8,8 +8,8 @@ use super::frame::FrameError;
 use super::huffman::{STEP_BITS, Step, Table};
 use super::idct;
 use super::machine::{Coefficients, Machine, Plain};
-use crate::vision::Vectors;
-use crate::vision::picture::Plane;
+use crate::Vectors;
+use crate::picture::Plane;
 
 /// Most bytes that may be left after all blocks are decoded; some cameras pad.
 const MAX_LEFT_OVER: i64 = 16;
@@ -290,7 +290,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::vision::jpeg::huffman::STANDARD_TABLES;
+    use crate::jpeg::huffman::STANDARD_TABLES;
 
     /// The standard's luma tables: DC, AC.
     fn tables() -> (Table, Table) {

@@ -2,6 +2,21 @@
 //! datagrams. Uses no socket and no clock. Facts cite sections of the specification below.
 //! [`Decoder`] splits a byte stream into [`Packet`]s; [`Report`] and [`Command`] interpret a
 //! packet. Anything that the protocol does not define becomes a value (`Unknown`), never an error.
+//!
+//! ```
+//! use wire::{Command, Decoder, Report};
+//!
+//! assert_eq!(&Command::STOP.to_bytes()[..], b"PK\x05\x00\x02\x00\x00");
+//!
+//! // POWER: 57 percent, not charging. A stream may arrive in any pieces.
+//! let mut decoder = Decoder::new();
+//! let mut input: &[u8] = b"PK\x03\x00\x01\x39PK\x10";
+//! let packet = decoder.decode(&mut input)?.expect("a whole packet has arrived");
+//! let Report::Power(power) = Report::parse(packet) else { panic!("not POWER") };
+//! assert_eq!((power.percent, power.charging), (57, false));
+//! assert!(decoder.decode(&mut input)?.is_none());
+//! # Ok::<(), wire::FramingError>(())
+//! ```
 #![doc = ""]
 #![doc = include_str!("PROTOCOL.md")]
 #![warn(missing_docs)]

@@ -1,6 +1,26 @@
-//! Computer vision for behaviours: decodes JPEG frames to pixels and finds blobs in them.
-//! Independent of the robot; imports nothing else of this crate. Most of the time is spent on
-//! decoding, so every other operation works on the decoded planes, without a conversion to RGB.
+//! Computer vision for small JPEG frames: decodes them to planes and finds blobs, lines, QR codes and
+//! motion in them. Independent of the robot. Most of the time is spent on decoding, so every other
+//! operation works on the decoded planes, without a conversion to RGB.
+//!
+//! ```
+//! use image::{ImageFormat, Rgb, RgbImage};
+//! use vision::{BlobOptions, Camera, Colour, FrameAnalyser};
+//!
+//! // A frame with a red square on grey, as JPEG.
+//! let mut picture = RgbImage::from_pixel(320, 240, Rgb([150, 150, 150]));
+//! for (x, y) in (100..140).flat_map(|x| (60..100).map(move |y| (x, y))) {
+//!     picture.put_pixel(x, y, Rgb([200, 20, 20]));
+//! }
+//! let mut jpeg = std::io::Cursor::new(Vec::new());
+//! picture.write_to(&mut jpeg, ImageFormat::Jpeg)?;
+//!
+//! let mut analyser = FrameAnalyser::new(Camera::default());
+//! let red = Colour::named("red").expect("a built-in colour");
+//! let blobs = analyser.find_blobs(1, jpeg.get_ref(), &[red], &BlobOptions::default())?;
+//! assert_eq!(blobs.len(), 1);
+//! assert!((blobs[0].cx - 119.5).abs() < 1.0 && (blobs[0].cy - 79.5).abs() < 1.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![warn(missing_docs)]
 
@@ -26,7 +46,7 @@ pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, NamedColour, Span};
 
-pub use frame_analyser::{Damage, FrameAnalyser, Line, find_line};
+pub use frame_analyser::{FrameAnalyser, Line, find_line};
 pub use glance::{Glance, drove_forwards};
 pub use jpeg::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
