@@ -113,7 +113,7 @@ fn gets() -> [Get; 8] {
             CAMERA,
             "The camera's pictures as MJPEG, at least one each second, for tools. One that can send \
              no headers adds `?token=` with a viewer's token.",
-            Gives::Kind(mjpeg::CONTENT_TYPE),
+            |_| json!({ mjpeg::CONTENT_TYPE: {} }),
             get(mjpeg::camera),
         ),
         Get::new(

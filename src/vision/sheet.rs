@@ -62,7 +62,7 @@ const STARTS: [f64; 6] = [-1.2, -0.7, -0.4, -0.2, -0.05, 0.1];
 const MAX_STEPS: usize = 60;
 
 /// A size of paper.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Paper {
     /// 297 x 210 mm.
     A4,

@@ -302,8 +302,8 @@ impl fmt::Debug for Secret {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use super::super::Decoder;
+    use super::*;
     use proptest::prelude::*;
 
     fn parse_bytes(mut bytes: &[u8]) -> Command {

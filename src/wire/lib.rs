@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn every_message_type_of_the_page_has_its_constant() {
-        let source = include_str!("mod.rs");
+        let source = include_str!("lib.rs");
         let rows = PAGE.lines().filter_map(|line| {
             let mut cells = line.strip_prefix("| ")?.split(" | ");
             let number = cells.next()?.parse::<u8>().ok()?;

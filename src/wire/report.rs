@@ -193,8 +193,8 @@ impl Accepted {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use super::super::Decoder;
+    use super::*;
     use proptest::prelude::*;
 
     fn parse_bytes(mut bytes: &[u8]) -> Report {

@@ -122,8 +122,8 @@ pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use super::super::{Packet, Report, kind};
+    use super::*;
     use proptest::prelude::*;
 
     fn setting(key: &str, value: &str) -> Setting {

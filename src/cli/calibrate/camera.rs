@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde_json::json;
 
 use crate::cli::colour::{read_picture, unusable_picture};
@@ -31,8 +32,8 @@ pub(in crate::cli) struct CameraArgs {
     #[arg(value_name = "PICTURE.jpg", conflicts_with_all = ["robot", "sim"])]
     picture: Option<PathBuf>,
 
-    /// Size of the paper; it cannot be seen, and the wrong one makes the height wrong by a tenth
-    #[arg(long, value_enum, default_value_t = Paper::A4)]
+    /// Size of the paper (A4: 297 x 210 mm, Letter: 11 x 8.5 inches); it cannot be seen, and the wrong one makes the height wrong by a tenth
+    #[arg(long, default_value = "a4", value_parser = PossibleValuesParser::new(["a4", "letter"]).map(paper))]
     paper: Paper,
 
     /// Print a JSON object
@@ -50,6 +51,13 @@ pub(super) fn run(args: &CameraArgs, settings: &CommandSettings) -> Result<Exit,
         None => with_picture(&args.target, settings, SECONDS, |shot| {
             measure(args, camera, &shot.jpeg)
         }),
+    }
+}
+
+fn paper(name: String) -> Paper {
+    match name.as_str() {
+        "letter" => Paper::Letter,
+        _ => Paper::A4,
     }
 }
 
