@@ -27,8 +27,7 @@
 //!
 //! A frame becomes a setpoint of the tracks:
 //!
-//! 1. [`link`]: the reader cuts the stream into messages; a `Report` carries the frame. The first part
-//!    of a frame that is still arriving is passed on early, so that its host can start to decode;
+//! 1. [`link`]: the reader cuts the stream into messages; a `Report` carries the frame;
 //! 2. [`pilot`] makes it a `Frame` with a number and a time, and stores it, still encoded, as the
 //!    newest one: older frames that no reader has taken are dropped;
 //! 3. [`behaviour`]: the supervisor sends the `Frame` through the pipe when its host asks for one;
@@ -91,8 +90,8 @@
 //!
 //! | floor | module | purpose |
 //! | --- | --- | --- |
-//! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
-//! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
+//! | 0 | `wire` | a crate of its own: messages to bytes and back, discovery datagrams; knows no socket |
+//! | 0 | `vision` | a crate of its own: JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 0 | `sandbox` | the kernel's confinement of processes that handle people's scripts |
 //! | 0 | `files` | regular files of bounded length, folders without links |
 //! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
