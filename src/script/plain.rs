@@ -3,6 +3,7 @@
 //! Tables are read raw: no metamethod runs.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use mlua::prelude::{Lua, LuaError, LuaResult, LuaString, LuaTable, LuaValue};
 use serde_json::{Map, Number, Value};
@@ -22,11 +23,34 @@ pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, String
         bytes: 0,
         longest,
     };
-    let json = reader.value(value, 0)?.to_string();
-    if json.len() > longest {
-        return Err(too_long(longest));
+    let value = reader.value(value, 0)?;
+    let mut json = BoundedText {
+        bytes: Vec::new(),
+        longest,
+    };
+    // Escapes make a text up to six times as long: it ends where it is too long.
+    serde_json::to_writer(&mut json, &value).map_err(|_| too_long(longest))?;
+    String::from_utf8(json.bytes).map_err(|_| too_long(longest))
+}
+
+/// Takes at most this many bytes.
+struct BoundedText {
+    bytes: Vec<u8>,
+    longest: usize,
+}
+
+impl io::Write for BoundedText {
+    fn write(&mut self, part: &[u8]) -> io::Result<usize> {
+        if self.bytes.len() + part.len() > self.longest {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        self.bytes.extend_from_slice(part);
+        Ok(part.len())
     }
-    Ok(json)
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 struct Reader {

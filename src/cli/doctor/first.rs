@@ -22,7 +22,7 @@ use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::link::Executes;
-use crate::pilot::Connector;
+use crate::pilot::{Connector, Settings};
 use crate::robot::{Battery, Percent, Streams};
 use crate::vision::{Camera, Decoder, Glance, drove_forwards};
 use crate::wire::{Command, Engage, EngineReport, Report};
@@ -165,9 +165,14 @@ async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> 
         standing = stand(walk, &mut connector) => standing,
     };
     standing?;
+    let settings = Settings {
+        // It may take a moment until the robot notices that the first connection has ended.
+        waits: true,
+        ..moving::as_reported(parts.settings)
+    };
     let parts = DriverParts {
         connector,
-        settings: moving::as_reported(parts.settings),
+        settings,
         ..parts
     };
     drive(parts, async |driver| move_about(walk, driver, &cut).await).await
