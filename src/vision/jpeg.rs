@@ -136,9 +136,10 @@ mod tests {
 
     /// A decoder that does not use this processor's vector instructions.
     fn plain() -> Decoder {
-        let mut decoder = Decoder::default();
-        decoder.vectors = Vectors::Plain;
-        decoder
+        Decoder {
+            vectors: Vectors::Plain,
+            ..Decoder::default()
+        }
     }
 
     proptest! {

@@ -20,6 +20,7 @@
 #![doc = ""]
 #![doc = include_str!("PROTOCOL.md")]
 #![warn(missing_docs)]
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 mod command;
 pub mod discovery;
