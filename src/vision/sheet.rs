@@ -35,7 +35,7 @@ const LEAST_POINTS: usize = 5;
 const STRAIGHT: f64 = 0.6;
 const STRAIGHT_SHARE: f64 = 0.6;
 /// What the lens's numbers and the picture's compression add to the error of a side, pixels.
-const SIDE_ERROR: f64 = 0.35;
+const SIDE_ERROR: f64 = 0.3;
 /// Overexposed paper spreads over its edges by about this, pixels.
 const SPREAD: f64 = 0.4;
 /// Standard error of a sheet's length and width, metres: ISO 216 allows them to be 2 mm off.
