@@ -21,8 +21,10 @@ const AREA: std::ops::RangeInclusive<f64> = 0.0012..=0.5;
 const FOUR_SIDED: f64 = 0.88;
 /// A hole less than this many times larger than what lies in it is print on a larger sheet.
 const PRINTED: f64 = 2.0;
-/// How far on both sides of a side its edge is looked for, pixels.
+/// How far on both sides of a side its edge is looked for, pixels: first from the corners of a bright
+/// area, which blur rounds by up to 7 pixels, and then from where the sides meet.
 const REACH: f64 = 5.0;
+const NEAR_REACH: f64 = 3.0;
 /// Points along a side at most, and how far from the corners they stay, pixels.
 const POINTS: f64 = 60.0;
 const CORNER: f64 = 2.5;
@@ -36,6 +38,8 @@ const STRAIGHT_SHARE: f64 = 0.6;
 const SIDE_ERROR: f64 = 0.3;
 /// Overexposed paper spreads over its edges by about this, pixels.
 const SPREAD: f64 = 0.4;
+/// Standard error of a sheet's length and width, metres: ISO 216 allows them to be 2 mm off.
+const SIZE_ERROR: f64 = 0.001;
 /// Corners within this many pixels are those of the same sheet.
 const SAME: f64 = 6.0;
 /// The sum of the squared errors, in standard errors, above which something is no such sheet.
@@ -198,6 +202,8 @@ fn cross(a: Point, b: Point, c: Point) -> f64 {
 #[derive(Debug, Clone)]
 struct Outline {
     size: Size,
+    /// Where the picture shows the corners, roughly.
+    rough: [Point; 4],
     /// Clockwise.
     corners: [Point; 4],
     sides: [Side; 4],
@@ -238,7 +244,15 @@ fn outlines(image: &Image, camera: Camera, error: &mut SheetError) -> Vec<Outlin
             }
         }
     }
-    found
+    let mut refined: Vec<Outline> = Vec::new();
+    for outline in found {
+        match outline.refined(&luma, camera) {
+            Ok(outline) if refined.iter().any(|known| known.is_same(&outline)) => {}
+            Ok(outline) => refined.push(outline),
+            Err(reason) => *error = (*error).max(reason),
+        }
+    }
+    refined
 }
 
 /// The corners, clockwise, of a whole bright area if it has four.
@@ -318,25 +332,31 @@ impl Outline {
         if is_tile {
             return Err(SheetError::NoSheet);
         }
-        let mut sides = [Side::between(coarse[0], coarse[1]); 4];
-        for (index, side) in sides.iter_mut().enumerate() {
-            let points = edge_points(luma, coarse[index], coarse[(index + 1) % 4]);
-            let straight = points.iter().map(|point| {
-                let (x, y) = camera.straighten(point.x, point.y, size);
-                Point::new(x, y)
-            });
-            *side = Side::through(&straight.collect::<Vec<_>>())?;
-        }
-        let mut corners = coarse;
-        for (index, corner) in corners.iter_mut().enumerate() {
-            let met = sides[(index + 3) % 4].meets(&sides[index]);
-            *corner = met.ok_or(SheetError::NoSheet)?;
-        }
+        let sides = straight_sides(luma, camera, coarse, REACH)?;
         Ok(Outline {
             size,
-            corners,
+            rough: coarse,
+            corners: corners_of(&sides)?,
             sides,
             brightness: brightness.into(),
+        })
+    }
+
+    /// Measures the sides again, between where they meet. Between the corners of the bright area,
+    /// which blur rounds, each side seems to be a tenth of a pixel too far inside, and the camera
+    /// some millimetres too high.
+    fn refined(self, luma: &GrayImage, camera: Camera) -> Result<Outline, SheetError> {
+        let mut rough = self.rough;
+        for reach in [REACH, NEAR_REACH] {
+            let sides = sides(&rough, |from, to| edge_points(luma, from, to, reach))?;
+            rough = corners_of(&sides)?;
+        }
+        let sides = straight_sides(luma, camera, rough, NEAR_REACH)?;
+        Ok(Outline {
+            rough,
+            corners: corners_of(&sides)?,
+            sides,
+            ..self
         })
     }
 
@@ -411,6 +431,46 @@ fn is_plausible(camera: &Camera) -> bool {
         && camera.roll.abs() < MAX_ROLL
 }
 
+/// The sides of an outline, whose points between two corners `points` finds.
+fn sides(
+    corners: &[Point; 4],
+    points: impl Fn(Point, Point) -> Vec<Point>,
+) -> Result<[Side; 4], SheetError> {
+    let mut sides = [Side::between(corners[0], corners[1]); 4];
+    for (index, side) in sides.iter_mut().enumerate() {
+        *side = Side::through(&points(corners[index], corners[(index + 1) % 4]))?;
+    }
+    Ok(sides)
+}
+
+/// The sides as a lens without distortion would show them, between corners in the picture.
+fn straight_sides(
+    luma: &GrayImage,
+    camera: Camera,
+    corners: [Point; 4],
+    reach: f64,
+) -> Result<[Side; 4], SheetError> {
+    let (width, height) = luma.dimensions();
+    let straight = |point: Point| {
+        let (x, y) = camera.straighten(point.x, point.y, Size { width, height });
+        Point::new(x, y)
+    };
+    sides(&corners, |from, to| {
+        let points = edge_points(luma, from, to, reach);
+        points.into_iter().map(straight).collect()
+    })
+}
+
+/// Where successive sides meet.
+fn corners_of(sides: &[Side; 4]) -> Result<[Point; 4], SheetError> {
+    let mut corners = [Point::zeros(); 4];
+    for (index, corner) in corners.iter_mut().enumerate() {
+        let met = sides[(index + 3) % 4].meets(&sides[index]);
+        *corner = met.ok_or(SheetError::NoSheet)?;
+    }
+    Ok(corners)
+}
+
 impl Side {
     /// The line through most of these points, apart from those that print beside the edge moves.
     fn through(points: &[Point]) -> Result<Side, SheetError> {
@@ -476,11 +536,12 @@ impl Side {
 }
 
 /// Where the brightness passes the middle between floor and paper, along a side of a clockwise
-/// outline. It is looked for from the floor inwards, since paper may be printed.
-fn edge_points(luma: &GrayImage, from: Point, to: Point) -> Vec<Point> {
+/// outline, up to `reach` pixels beside it. It is looked for from the floor inwards, since paper may
+/// be printed.
+fn edge_points(luma: &GrayImage, from: Point, to: Point, reach: f64) -> Vec<Point> {
     let length = (to - from).norm().max(1e-9);
     let along = (to - from) / length;
-    let inwards = Point::new(-along.y, along.x) * REACH / 8.0;
+    let inwards = Point::new(-along.y, along.x) * reach / 8.0;
     let usable = (length - 2.0 * CORNER).max(0.0);
     let count = usable.min(POINTS) as usize;
     let mut points = Vec::new();
@@ -507,9 +568,12 @@ fn edge_points(luma: &GrayImage, from: Point, to: Point) -> Vec<Point> {
     points
 }
 
-/// Height, pitch, roll, the sheet's place and direction, and the spread of its brightness in units
-/// of [`SPREAD`].
-type Unknowns = SVector<f64, 7>;
+/// Height, pitch, roll, the sheet's place and direction, the spread of its brightness in units of
+/// [`SPREAD`], and how much longer and wider it is than it should be, in units of [`SIZE_ERROR`].
+type Unknowns = SVector<f64, UNKNOWNS>;
+const UNKNOWNS: usize = 9;
+/// Two ends of each side, the spread, and the sheet's size.
+const ERRORS: usize = 11;
 
 /// The sides to explain by a sheet whose sides have these lengths.
 #[derive(Debug, Clone, Copy)]
@@ -532,7 +596,9 @@ impl Fitting<'_> {
     /// The first guess with this pitch: where that camera sees the corners on the floor, from the
     /// height at which the outline is as long as that of the sheet.
     fn start(&self, pitch: f64) -> Option<Unknowns> {
-        let camera = self.camera_at(&Unknowns::from([1.0, pitch, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let camera = self.camera_at(&Unknowns::from_iterator(
+            [1.0, pitch].into_iter().chain([0.0; UNKNOWNS - 2]),
+        ));
         let mut places = Vec::new();
         for corner in self.outline.corners {
             let place = camera.floor_position(corner.x, corner.y, self.outline.size)?;
@@ -543,19 +609,24 @@ impl Fitting<'_> {
         let middle = height * places.iter().sum::<Point>() / 4.0;
         let along = places[1] - places[0];
         let turned = along.y.atan2(along.x);
-        Some([height, pitch, 0.0, middle.x, middle.y, turned, 0.0].into())
+        Some(
+            [
+                height, pitch, 0.0, middle.x, middle.y, turned, 0.0, 0.0, 0.0,
+            ]
+            .into(),
+        )
     }
 
-    /// Distances of the sides' ends from where they should be, and the spread, in standard errors;
-    /// `None` if a corner is not in front of the camera.
-    fn errors(&self, unknowns: &Unknowns) -> Option<SVector<f64, 9>> {
+    /// Distances of the sides' ends from where they should be, the spread and the excess of the size,
+    /// in standard errors; `None` if a corner is not in front of the camera.
+    fn errors(&self, unknowns: &Unknowns) -> Option<SVector<f64, ERRORS>> {
         let camera = self.camera_at(unknowns);
         let (sin, cos) = unknowns[5].sin_cos();
         let mut corners = [Point::zeros(); 4];
         let halves = [[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]];
         for (corner, [along, across]) in corners.iter_mut().zip(halves) {
-            let along = along * self.lengths[0];
-            let across = across * self.lengths[1];
+            let along = along * (self.lengths[0] + SIZE_ERROR * unknowns[7]);
+            let across = across * (self.lengths[1] + SIZE_ERROR * unknowns[8]);
             let ahead = unknowns[3] + cos * along - sin * across;
             let left = unknowns[4] + sin * along + cos * across;
             let direction = Direction {
@@ -565,7 +636,7 @@ impl Fitting<'_> {
             let (x, y) = camera.pixel(direction, self.outline.size)?;
             *corner = Point::new(x, y);
         }
-        let mut errors = SVector::<f64, 9>::zeros();
+        let mut errors = SVector::<f64, ERRORS>::zeros();
         for (index, side) in self.outline.sides.iter().enumerate() {
             let along = (corners[(index + 1) % 4] - corners[index]).try_normalize(1e-9)?;
             for (number, end) in [side.from, side.to].into_iter().enumerate() {
@@ -573,7 +644,9 @@ impl Fitting<'_> {
                 errors[2 * index + number] = (outside - SPREAD * unknowns[6]) / side.error;
             }
         }
-        errors[8] = unknowns[6];
+        errors
+            .fixed_rows_mut::<3>(8)
+            .copy_from(&unknowns.fixed_rows::<3>(6));
         Some(errors)
     }
 
@@ -582,10 +655,10 @@ impl Fitting<'_> {
         errors.map_or(f64::INFINITY, |errors| errors.norm_squared())
     }
 
-    fn jacobian(&self, unknowns: &Unknowns) -> Option<SMatrix<f64, 9, 7>> {
+    fn jacobian(&self, unknowns: &Unknowns) -> Option<SMatrix<f64, ERRORS, UNKNOWNS>> {
         const STEP: f64 = 1e-6;
-        let mut jacobian = SMatrix::<f64, 9, 7>::zeros();
-        for index in 0..7 {
+        let mut jacobian = SMatrix::<f64, ERRORS, UNKNOWNS>::zeros();
+        for index in 0..UNKNOWNS {
             let mut step = Unknowns::zeros();
             step[index] = STEP;
             let slope = self.errors(&(unknowns + step))? - self.errors(&(unknowns - step))?;

@@ -2,9 +2,13 @@
 //! refuses when it must.
 
 use std::f64::consts::{PI, TAU};
+use std::fmt::Write as _;
 use std::io::{Read, Write};
 
-use spykee::sim::{FULL_SPEED, Firmware, TRACK_WIDTH, World};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use spykee::sim::{CameraSettings, FULL_SPEED, Firmware, TRACK_WIDTH, World};
+use spykee::vision::{Camera, Decoder, Paper, SheetPose, pose_from_sheets};
 
 use crate::camera_truth::simulated;
 use crate::rig::{QUIET_WORLD, Rig, Run, Stopwatch, assert_contains};
@@ -205,6 +209,91 @@ async fn one_picture_of_a_sheet_of_paper_tells_where_the_camera_is() {
     let mut run = rig.spykee(&["calibrate", "camera", "--sim", "paper.yaml"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_contains(&run.text(), &["camera: {", "m ahead of the camera"]);
+}
+
+/// A genuine robot in the middle of twelve sheets, one ahead of it after each turn by 30 degrees. They
+/// lie on the grid in which floors are painted, so they are 3 mm too long.
+fn ring_of_paper(floor: &str, random: &mut StdRng) -> World {
+    let mut sheets = String::new();
+    for look in 0..12 {
+        let (sin, cos) = (TAU * f64::from(look) / 12.0).sin_cos();
+        let ahead = 0.1 + random.random_range(0.7..1.1);
+        let left = random.random_range(-0.06..0.06);
+        let x = (100.0 * (3.0 + ahead * cos - left * sin)).round() / 100.0;
+        let y = (100.0 * (2.5 + ahead * sin + left * cos)).floor() / 100.0 + 0.005;
+        let size = "width: 0.297, depth: 0.21, colour: '#ffffff'";
+        let _ = writeln!(sheets, "  - {{ at: [{x:.3}, {y:.3}], {size} }}");
+    }
+    let height = random.random_range(0.27..0.31);
+    let pitch = random.random_range(-18.0..-8.0);
+    let roll = random.random_range(-5.0..5.0);
+    let light = random.random_range(0.3..1.0);
+    let text = format!(
+        "preset: genuine\nroom: {{ width: 6, depth: 5, floor: {floor} }}\n\
+         station: {{ at: [0, 4.5], heading_degrees: 0 }}\n\
+         start: {{ at: [3, 2.5], heading_degrees: 0 }}\nrugs:\n{sheets}light: {light}\n\
+         camera: {{ height: {height}, pitch: {pitch}, roll: {roll} }}\n"
+    );
+    World::from_yaml(&text, "ring").unwrap()
+}
+
+/// By how much measurements are off: height in millimetres, pitch and roll in degrees.
+#[derive(Default)]
+struct Errors {
+    all: [Vec<f64>; 3],
+    /// Those within the stated uncertainty.
+    inside: [usize; 3],
+}
+
+impl Errors {
+    fn add(&mut self, found: &SheetPose, truth: &CameraSettings) {
+        let camera = &found.camera;
+        let off = [
+            camera.height - truth.height,
+            camera.pitch - truth.pitch,
+            camera.roll - truth.roll,
+        ];
+        for (index, off) in off.into_iter().enumerate() {
+            self.inside[index] += usize::from(off.abs() <= found.uncertainty[index]);
+            self.all[index].push(if index == 0 { 1000.0 * off } else { off });
+        }
+    }
+
+    fn medians(&mut self) -> [f64; 3] {
+        self.all.each_mut().map(|errors| {
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
+        })
+    }
+}
+
+#[test]
+fn the_camera_pose_is_not_biased_and_as_certain_as_stated() {
+    let mut errors = Errors::default();
+    for (seed, floor) in (1..).zip(["tiles", "concrete", "wood", "glossy_tiles", "concrete"]) {
+        let world = ring_of_paper(floor, &mut StdRng::seed_from_u64(seed));
+        let truth = world.camera;
+        for jpeg in simulated(world) {
+            let mut decoder = Decoder::default();
+            let image = decoder.decode(&jpeg).unwrap();
+            if let Ok(found) = pose_from_sheets(image, Camera::default(), Paper::A4) {
+                errors.add(&found, &truth);
+            }
+        }
+    }
+    let count = errors.all[0].len();
+    let medians = errors.medians();
+    let counted = format!("{medians:?}, {:?} of {count}", errors.inside);
+    println!("{counted}");
+    assert!(count >= 50, "{counted}");
+    // Half of this is the sheets' own: they are too long.
+    assert!(medians[0].abs() < 4.0, "{counted}");
+    assert!(medians[1..].iter().all(|off| off.abs() < 0.1), "{counted}");
+    let enough = errors
+        .inside
+        .iter()
+        .all(|inside| 100 * inside >= 95 * count);
+    assert!(enough, "{counted}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
