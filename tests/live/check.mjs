@@ -749,6 +749,8 @@ const promises = {
       await ready(page);
       await button(page, "Take control").click();
       await button(page, "Release control").waitFor();
+      // Without TLS a browser ignores this header on all addresses but loopback, and says so.
+      page.errors = page.errors.filter((error) => !error.includes("Cross-Origin-Opener-Policy"));
       clean(page);
       await page.context().close();
     }
