@@ -108,7 +108,7 @@ impl Names {
 }
 
 /// Splits name and port; an IPv6 address is in brackets.
-fn split(host: &str) -> (&str, Option<&str>) {
+pub(super) fn split(host: &str) -> (&str, Option<&str>) {
     match host.rsplit_once(':') {
         Some((name, port)) if !port.contains(']') => (name, Some(port)),
         _ => (host, None),

@@ -3,6 +3,8 @@
 use axum::http::StatusCode;
 use axum::response::{Html, IntoResponse as _, Response};
 
+use super::origin_check::split;
+
 const PAGE: &str = include_str!("unknown_host.html");
 
 /// Says which addresses work, and how this name becomes one of them.
@@ -13,7 +15,7 @@ pub(super) fn page(host: Option<&str>) -> Response {
 
 /// The name without its port, if it is one that the config can list; else a placeholder.
 fn name(host: &str) -> String {
-    let name = host.split(':').next().unwrap_or_default();
+    let (name, _) = split(host);
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b".-".contains(&byte);
     if name.contains('.') && name.bytes().all(is_plain) {
         name.to_ascii_lowercase()

@@ -179,7 +179,11 @@ fn mark_place(TraceEvent { kind, pose, .. }: &TraceEvent) -> Point {
 fn symbol(canvas: &mut MapCanvas, [points, inner, turned]: Shape, at: Pixel, ink: Ink) {
     for (size, ink) in [(9.0, [255, 255, 255, 230]), (7.0, ink)] {
         let corner = |half: u8| {
-            let radius = if half.is_multiple_of(2) { size } else { size * inner };
+            let radius = if half.is_multiple_of(2) {
+                size
+            } else {
+                size * inner
+            };
             let angle = (f32::from(half) / 2.0 + turned) / points * std::f32::consts::TAU;
             Pixel::from_xy(at.x + radius * angle.sin(), at.y - radius * angle.cos())
         };
