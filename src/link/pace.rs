@@ -7,9 +7,10 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::time::Instant;
 
-use crate::wire::Command;
+use crate::wire::{Command, Report};
 
 /// The time for one message that is assumed until it is measured, and of a robot that answers no
 /// question.
@@ -88,6 +89,8 @@ struct Unasked {
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
     question: Command,
+    /// The first key of the robot's settings.
+    first_key: Option<Bytes>,
     unasked: Option<Unasked>,
     /// The number of questions that a later answer has settled: their own may still come.
     settled: usize,
@@ -116,6 +119,7 @@ impl Default for Pace {
     fn default() -> Pace {
         Pace {
             question: Command::PowerQuery,
+            first_key: None,
             unasked: None,
             settled: 0,
             answers: None,
@@ -159,8 +163,25 @@ impl Pace {
         }
     }
 
-    /// Notes a message of the kind that answers questions; `network` is the time that the network
-    /// needs there and back. A message that comes unasked while a question is open counts as its
+    /// Whether an answer to the present question begins with this report. The robot answers CONFIG
+    /// with its settings in several messages: only the one with the first key is the beginning.
+    pub(super) fn is_answer(&mut self, report: &Report) -> bool {
+        match (&self.question, report) {
+            (Command::PowerQuery, Report::Power(_)) => true,
+            (Command::ConfigQuery, Report::Config(settings)) => {
+                let end = settings.iter().position(|byte| *byte == b'=');
+                let key = &settings[..end.unwrap_or(settings.len())];
+                let first = self
+                    .first_key
+                    .get_or_insert_with(|| Bytes::copy_from_slice(key));
+                key == first
+            }
+            _ => false,
+        }
+    }
+
+    /// Notes the beginning of an answer; `network` is the time that the network
+    /// needs there and back. A POWER that comes unasked while a question is open counts as its
     /// answer: ask twice where that matters.
     pub(super) fn answer(&mut self, network: Duration, now: Instant) {
         let Some(oldest) = self.open.front() else {
@@ -435,6 +456,24 @@ mod tests {
         ask(&mut pace, now);
         answer(&mut pace, now + 400 * MS);
         assert!(matches!(pace.executes(), Executes::Every(period) if period >= CAUTIOUS));
+    }
+
+    #[test]
+    fn settings_in_several_messages_are_one_answer() {
+        let mut pace = Pace {
+            question: Command::ConfigQuery,
+            ..Pace::default()
+        };
+        let mut begins = |settings: &'static str| {
+            let report = Report::Config(Bytes::from_static(settings.as_bytes()));
+            pace.is_answer(&report)
+        };
+        let answer = ["name=Spykee&volume=70", "channel=6&ssid=SPYKEE", "version"];
+        for _answer in 0..3 {
+            assert_eq!(answer.map(&mut begins), [true, false, false]);
+        }
+        assert!(begins("name=Anna&volume=70"));
+        assert!(!pace.is_answer(&Report::Power(crate::wire::Power::from_byte(50))));
     }
 
     #[test]

@@ -166,13 +166,7 @@ impl Writer {
 
     /// Notes a report: one of the kind that is asked for may be an answer.
     pub fn answer(&mut self, report: &Report, now: Instant) {
-        let question = self.queue.pace().question();
-        let is_answer = match report {
-            Report::Power(_) => question == Command::PowerQuery,
-            Report::Config(_) => question == Command::ConfigQuery,
-            _ => false,
-        };
-        if is_answer {
+        if self.queue.pace().is_answer(report) {
             let network = self.direct.as_deref().and_then(round_trip);
             self.queue.pace().answer(network.unwrap_or_default(), now);
         }

@@ -163,50 +163,49 @@ fn moves(command: &Command) -> bool {
 }
 
 /// Plays one robot: it drives for a random time, and is stopped. Every second one reports a voltage,
-/// which changes with each motion: such reports are no answers to questions.
+/// which changes with each motion: such reports are no answers to questions. Every third one answers
+/// CONFIG only, with several messages.
 pub fn play(trial: &Trial) -> Stopped {
     let mut world = trial.driver.world();
     if trial.seed.is_multiple_of(2) {
         world.battery.power = PowerReading::Voltage;
     }
-    simulation::run(
-        world,
-        options(trial.speed, trial.seed),
-        async |simulation: &Simulation| {
-            let run = start(simulation, trial.driver);
-            let sim = simulation.sim();
-            if timeout(START_LIMIT, sim.wait_heard(0, moves))
-                .await
-                .is_err()
-            {
-                return Stopped::NeverDrove;
-            }
-            let mut rng = StdRng::seed_from_u64(2 * trial.seed + trial.stopper as u64);
-            let ball = (trial.driver == Driver::FollowColour).then(|| move_ball(sim, trial.seed));
-            sleep(Duration::from_secs_f64(rng.random_range(10.0..40.0))).await;
-            let asked = simulation.now();
-            let from = sim.heard_count();
-            let way = sim.state().distance;
-            match trial.stopper {
-                Stopper::Person => drop(run.requests().send(Request::EmergencyStop(true)).await),
-                Stopper::EndOfRun => run.stop(),
-            }
-            let stop = timeout(STOP_LIMIT, executed(sim, from, asked)).await;
-            let Some(stop) = stop.ok().or_else(|| already_stopped(sim)) else {
-                return Stopped::Never;
-            };
-            sleep(WATCH).await;
-            if let Some(ball) = ball {
-                ball.abort();
-            }
-            let later = sim.heard_since(stop.index + 1);
-            Stopped::Executed {
-                age: stop.at.saturating_sub(asked).as_secs_f64(),
-                way: sim.state().distance - way,
-                again: later.iter().any(|heard| moves(&heard.command)),
-            }
-        },
-    )
+    let mut options = options(trial.speed, trial.seed);
+    options.sim.firmware.answers_power_query = !trial.seed.is_multiple_of(3);
+    simulation::run(world, options, async |simulation: &Simulation| {
+        let run = start(simulation, trial.driver);
+        let sim = simulation.sim();
+        if timeout(START_LIMIT, sim.wait_heard(0, moves))
+            .await
+            .is_err()
+        {
+            return Stopped::NeverDrove;
+        }
+        let mut rng = StdRng::seed_from_u64(2 * trial.seed + trial.stopper as u64);
+        let ball = (trial.driver == Driver::FollowColour).then(|| move_ball(sim, trial.seed));
+        sleep(Duration::from_secs_f64(rng.random_range(10.0..40.0))).await;
+        let asked = simulation.now();
+        let from = sim.heard_count();
+        let way = sim.state().distance;
+        match trial.stopper {
+            Stopper::Person => drop(run.requests().send(Request::EmergencyStop(true)).await),
+            Stopper::EndOfRun => run.stop(),
+        }
+        let stop = timeout(STOP_LIMIT, executed(sim, from, asked)).await;
+        let Some(stop) = stop.ok().or_else(|| already_stopped(sim)) else {
+            return Stopped::Never;
+        };
+        sleep(WATCH).await;
+        if let Some(ball) = ball {
+            ball.abort();
+        }
+        let later = sim.heard_since(stop.index + 1);
+        Stopped::Executed {
+            age: stop.at.saturating_sub(asked).as_secs_f64(),
+            way: sim.state().distance - way,
+            again: later.iter().any(|heard| moves(&heard.command)),
+        }
+    })
     .unwrap()
 }
 

@@ -234,30 +234,35 @@ async fn latency(session: &mut RobotSession) -> Result<CheckResult, Failure> {
 }
 
 /// Whether the robot's program answers questions, and how fast it executes what it is sent. Several
-/// questions at once keep it busy from one answer to the next. Without an answer, the writer then
-/// asks another kind of question.
+/// questions at once keep it busy from one answer to the next. Without an answer to the first one, the
+/// writer asks another kind of question.
 pub(super) async fn execution(session: &mut RobotSession) -> Result<Executes, Failure> {
-    let Session { reader, writer, .. } = &mut session.link;
     for _kind in [Command::PowerQuery, Command::ConfigQuery] {
-        for _ in 0..QUESTIONS {
-            writer.ask(Instant::now())?;
-        }
-        writer.written().await?;
-        let mut until = Instant::now() + REPLY_TIMEOUT;
-        while !writer.is_executed()
-            && let Ok(report) = timeout_at(until, reader.next()).await
-        {
-            let report = report?;
-            writer.answer(&report, Instant::now());
-            if matches!(report, Report::Power(_) | Report::Config(_)) {
-                until = Instant::now() + REPLY_TIMEOUT;
-            }
-        }
-        if let executes @ Executes::Every(_) = writer.executes(Instant::now()) {
-            return Ok(executes);
+        if let Executes::Every(_) = ask(session, 1).await? {
+            return ask(session, QUESTIONS).await;
         }
     }
     Ok(Executes::NoAnswer)
+}
+
+/// Asks so many questions at once, and waits for their answers.
+async fn ask(session: &mut RobotSession, questions: usize) -> Result<Executes, Failure> {
+    let Session { reader, writer, .. } = &mut session.link;
+    for _ in 0..questions {
+        writer.ask(Instant::now())?;
+    }
+    writer.written().await?;
+    let mut until = Instant::now() + REPLY_TIMEOUT;
+    while !writer.is_executed()
+        && let Ok(report) = timeout_at(until, reader.next()).await
+    {
+        let report = report?;
+        writer.answer(&report, Instant::now());
+        if matches!(report, Report::Power(_) | Report::Config(_)) {
+            until = Instant::now() + REPLY_TIMEOUT;
+        }
+    }
+    Ok(writer.executes(Instant::now()))
 }
 
 /// The number of commands that a robot executes per second which takes so long for one; `None`: at
