@@ -1,13 +1,13 @@
 //! `spykee calibrate camera`: measures where the camera is, from one picture of sheets of paper.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use serde_json::json;
 
 use crate::cli::colour::{read_picture, unusable_picture};
-use crate::cli::robot::with_picture;
+use crate::cli::robot::with_pictures;
 use crate::cli::running::SharedTargetArgs;
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, print, print_json};
@@ -15,12 +15,16 @@ use crate::vision::{Camera, Decoder, Paper, SheetError, SheetPose, pose_from_she
 
 /// Time to wait for a picture from the robot.
 const SECONDS: u64 = 5;
+/// The camera's noise moves the sides of the paper, so the pose is the middle one of so many pictures.
+const MEASURED: usize = 5;
+/// Pictures on which noise may hide the paper.
+const MAX_REFUSED: usize = 9;
 
 /// Measure the camera's height, pitch and roll for the config
 ///
 /// Lay a sheet of white paper (it may be printed) flat on a darker floor, about a metre in front of
 /// the robot, all of it in the picture. Two sheets, one nearer than the other, tell more than one.
-/// Takes a picture, and computes `camera:` from the sides of the paper. The robot does not move.
+/// Takes pictures, and computes `camera:` from the sides of the paper. The robot does not move.
 /// Repeat it when somebody has bent the robot's head.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
@@ -28,7 +32,7 @@ const SECONDS: u64 = 5;
                         spykee calibrate camera sheet.jpg --paper letter"
 )]
 pub(in crate::cli) struct CameraArgs {
-    /// Picture of the paper, as the robot's camera sends it [default: take one]
+    /// Picture of the paper, as the robot's camera sends it [default: take some]
     #[arg(value_name = "PICTURE.jpg", conflicts_with_all = ["robot", "sim"])]
     picture: Option<PathBuf>,
 
@@ -46,12 +50,24 @@ pub(in crate::cli) struct CameraArgs {
 
 pub(super) fn run(args: &CameraArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let camera = settings.config()?.camera;
-    match &args.picture {
-        Some(path) => measure(args, camera, &read_picture(path)?),
-        None => with_picture(&args.target, settings, SECONDS, |shot| {
-            measure(args, camera, &shot.jpeg)
-        }),
+    if let Some(path) = &args.picture {
+        let found = measure(path, camera, args.paper, &read_picture(path)?)?;
+        return report(args, &found, camera);
     }
+    let mut measured = Vec::new();
+    let mut refused = 0;
+    with_pictures(&args.target, settings, SECONDS, |shot| {
+        match measure(Path::new("the picture"), camera, args.paper, &shot.jpeg) {
+            Ok(found) => measured.push(found),
+            Err(failure) if refused == MAX_REFUSED => return Err(failure),
+            Err(_) => refused += 1,
+        }
+        if measured.len() < MEASURED {
+            return Ok(None);
+        }
+        measured.sort_by(|one, other| one.camera.pitch.total_cmp(&other.camera.pitch));
+        report(args, &measured[MEASURED / 2], camera).map(Some)
+    })
 }
 
 fn paper(name: String) -> Paper {
@@ -61,20 +77,21 @@ fn paper(name: String) -> Paper {
     }
 }
 
-fn measure(args: &CameraArgs, camera: Camera, jpeg: &[u8]) -> Result<Exit, Failure> {
-    let source = args.picture.clone().unwrap_or("the picture".into());
+fn measure(source: &Path, camera: Camera, paper: Paper, jpeg: &[u8]) -> Result<SheetPose, Failure> {
     let mut decoder = Decoder::default();
     let image = decoder
         .decode(jpeg)
-        .map_err(|error| unusable_picture(&source, &error))?;
-    let found = pose_from_sheets(image, camera, args.paper).map_err(|error| {
-        let what = format!("{}: {error}", source.display());
-        Failure::new(Exit::Failed, what).help(help(error))
-    })?;
+        .map_err(|error| unusable_picture(source, &error))?;
+    pose_from_sheets(image, camera, paper).map_err(|error| {
+        Failure::new(Exit::Failed, format!("{}: {error}", source.display())).help(help(error))
+    })
+}
+
+fn report(args: &CameraArgs, found: &SheetPose, configured: Camera) -> Result<Exit, Failure> {
     if args.json {
-        print_json(&as_json(&found))?;
+        print_json(&as_json(found))?;
     } else {
-        print(&as_text(&found, camera))?;
+        print(&as_text(found, configured))?;
     }
     Ok(Exit::Done)
 }

@@ -11,7 +11,7 @@ mod stop;
 mod upload;
 
 pub(super) use session::RobotSession;
-pub(super) use snapshot::{video, with_picture};
+pub(super) use snapshot::{video, with_pictures};
 
 use clap::Subcommand;
 

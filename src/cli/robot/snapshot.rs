@@ -44,29 +44,40 @@ pub(in crate::cli) struct Shot {
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    with_picture(&args.target, settings, args.timeout, |shot| {
-        save_and_report(args, shot)
+    with_pictures(&args.target, settings, args.timeout, |shot| {
+        save_and_report(args, shot).map(Some)
     })
 }
 
-/// Takes a picture, itself or through the run that uses the robot, and has it used.
-pub(in crate::cli) fn with_picture(
+/// Takes pictures, itself or through the run that uses the robot, until `used` returns what they
+/// have led to. Waits for each picture for so many seconds at most.
+pub(in crate::cli) fn with_pictures(
     target: &SharedTargetArgs,
     settings: &CommandSettings,
     seconds: u64,
-    used: impl FnOnce(&Shot) -> Result<Exit, Failure>,
+    mut used: impl FnMut(&Shot) -> Result<Option<Exit>, Failure>,
 ) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(seconds);
     if let Some(run) = target.find_run(settings)? {
-        return used(&request_picture(&run, limit)?);
+        loop {
+            if let Some(exit) = used(&request_picture(&run, limit)?)? {
+                return Ok(exit);
+            }
+        }
     }
     with_session(&target.connection, settings, async |session| {
         if session.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
         }
-        let shot = take_picture(session, limit).await?;
-        used(&shot)
+        session.send(&[video(true)]).await?;
+        loop {
+            let shot = next_picture(session, limit).await?;
+            if let Some(exit) = used(&shot)? {
+                session.send(&[video(false)]).await?;
+                return Ok(exit);
+            }
+        }
     })
 }
 
@@ -132,10 +143,9 @@ fn request_picture(run: &Client, limit: Duration) -> Result<Shot, Failure> {
     }
 }
 
-async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Shot, Failure> {
+async fn next_picture(session: &mut RobotSession, limit: Duration) -> Result<Shot, Failure> {
     let until = Instant::now() + limit;
     let mut search = Search::default();
-    session.send(&[video(true)]).await?;
     loop {
         let left = until.saturating_duration_since(Instant::now());
         let frame = session.receive(left, |report| match report {
@@ -146,7 +156,6 @@ async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Sho
             return Err(no_picture_in_time(limit, search.damaged));
         };
         if let Some(shot) = search.shot(jpeg) {
-            session.send(&[video(false)]).await?;
             return Ok(shot);
         }
     }
