@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
-use spykee::api::{Availability, Namespace};
+use spykee::api::{Availability, Function, Namespace};
 
 use crate::rig::{Rig, assert_contains, run_in};
 
@@ -161,13 +161,16 @@ fn every_example_of_a_scenarios_call_runs() {
     let functions = spykee::api::namespaces().filter(of_scenarios);
     let functions = functions.flat_map(|one| one.functions);
     let methods = spykee::api::methods().filter(|one| one.owner() == "sim");
-    let examples = functions.chain(methods).map(|one| match one.path {
-        spykee::api::SCENARIO => one.example.to_owned(),
-        path => format!(
-            "scenario('{path}', {{ world = 'playpen' }}, function(sim)\n\
-             sim:run('hello.lua')\nsim:wait(1)\n{}\nend)",
-            one.example
-        ),
+    let examples = functions.chain(methods).map(|one| {
+        let runs = match one.path {
+            spykee::api::SCENARIO => return one.example.to_owned(),
+            "sim:run" => "",
+            _ => "sim:run('hello.lua') sim:wait(1)",
+        };
+        let Function { path, example, .. } = one;
+        format!(
+            "scenario('{path}', {{ world = 'playpen' }}, function(sim)\n{runs}\n{example}\nend)"
+        )
     });
     let examples: Vec<String> = examples.collect();
     assert!(examples.len() > 20, "{} examples", examples.len());
