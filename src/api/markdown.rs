@@ -148,20 +148,18 @@ fn namespace(namespace: &'static Namespace) -> Vec<Page> {
 /// group.
 fn grouped(name: &str, mut text: String, functions: &[Function]) -> Vec<Page> {
     let mut pages = Vec::new();
-    for functions in functions.chunk_by(|one, next| one.group == next.group) {
-        let group = functions[0].group;
+    for calls in functions.chunk_by(|one, next| one.group == next.group) {
+        let group = calls[0].group;
         if group.is_empty() {
-            each_function(&mut text, functions);
+            each_function(&mut text, calls);
             continue;
         }
         let name_of_page = group_name(name, group);
-        let calls: Vec<_> = functions
-            .iter()
-            .map(|one| format!("`{}`", one.path))
-            .collect();
-        let _ = writeln!(text, "- [{group}]({name_of_page}.md): {}", calls.join(", "));
+        let paths = calls.iter().map(|one| format!("`{}`", one.path));
+        let paths = paths.collect::<Vec<_>>().join(", ");
+        let _ = writeln!(text, "- [{group}]({name_of_page}.md): {paths}");
         let mut of_group = format!("# {name}: {group}\n\n");
-        each_function(&mut of_group, functions);
+        each_function(&mut of_group, calls);
         objects_of(&mut of_group, &name_of_page);
         pages.push(page(&name_of_page, of_group));
     }
@@ -266,6 +264,9 @@ fn events() -> Page {
         let _ = writeln!(text, "| `{}` | {} | {payload} |", event.name, event.doc);
     }
     text.push('\n');
+    if let Some(on) = super::function("robot.on") {
+        example(&mut text, on.example);
+    }
     objects_of(&mut text, EVENTS);
     page(EVENTS, text)
 }
