@@ -1,5 +1,5 @@
 //! The API as Markdown: the book's reference in `behaviours/guide/reference/`, a page for each
-//! namespace.
+//! namespace, or for each group of its calls.
 
 use std::fmt::Write as _;
 
@@ -21,9 +21,9 @@ const EVENTS: &str = "events";
 /// Returns all pages in their order, the list of them first.
 pub fn pages() -> Vec<Page> {
     let namespaces = super::namespaces().chain(super::modules());
-    let mut pages: Vec<Page> = namespaces.map(namespace).collect();
+    let mut pages: Vec<Page> = namespaces.flat_map(namespace).collect();
     pages.push(events());
-    pages.extend(own_objects().map(own_page));
+    pages.extend(own_objects().flat_map(own_pages));
     pages.push(names());
     let mut list = "# Reference\n\nEvery call, event and table that scripts can use; \
                     `spykee api NAME` prints the same in a terminal.\n\n"
@@ -63,6 +63,14 @@ fn page_name(namespace: &Namespace) -> &'static str {
     }
 }
 
+/// The name of a group's page; without a group, of the namespace's or object's page.
+fn group_name(owner: &str, group: &str) -> String {
+    match group {
+        "" => owner.to_owned(),
+        group => format!("{owner}-{}", group.replace(' ', "-")),
+    }
+}
+
 /// The page of an object: its own, that of the events if one carries it, that of the namespace of
 /// the same name, or that of the first call which takes or returns it.
 fn home(object: &Object) -> String {
@@ -78,21 +86,29 @@ fn home(object: &Object) -> String {
         return own(object);
     }
     let mut namespaces = super::namespaces().chain(super::modules());
-    if let Some(namespace) = namespaces.find(|one| has(one.functions, object.name)) {
-        return page_name(namespace).to_owned();
+    let of_namespace = namespaces.find_map(|one| {
+        let group = first_group(one.functions, object.name)?;
+        Some(group_name(page_name(one), group))
+    });
+    if let Some(page) = of_namespace {
+        return page;
     }
     let mut owners = super::objects().filter(|one| one.name != object.name);
-    let owner = owners.find(|one| has(one.methods, object.name));
-    owner.map_or_else(|| own(object), home)
+    let of_owner = owners.find_map(|owner| {
+        let group = first_group(owner.methods, object.name)?;
+        Some(group_name(&home(owner), group))
+    });
+    of_owner.unwrap_or_else(|| own(object))
 }
 
-/// Whether one of these functions takes or returns an object.
-fn has(functions: &[Function], object: &str) -> bool {
-    let mut values = functions
-        .iter()
-        .flat_map(|one| one.parameters.iter().chain(one.returns));
+/// The group of the first of these functions that takes or returns an object.
+fn first_group(functions: &[Function], object: &str) -> Option<&'static str> {
     let article = format!("a {object}");
-    values.any(|value| is_or_contains(&value.kind, object) || value.doc.starts_with(&article))
+    let first = functions.iter().find(|one| {
+        let mut values = one.parameters.iter().chain(one.returns);
+        values.any(|value| is_or_contains(&value.kind, object) || value.doc.starts_with(&article))
+    });
+    first.map(|one| one.group)
 }
 
 fn is_or_contains(kind: &Type, name: &str) -> bool {
@@ -112,7 +128,7 @@ fn capital(text: &str) -> String {
     first.into_iter().chain(letters).collect()
 }
 
-fn namespace(namespace: &'static Namespace) -> Page {
+fn namespace(namespace: &'static Namespace) -> Vec<Page> {
     let Namespace { name, about, .. } = namespace;
     let name_of_page = page_name(namespace);
     let is_module = super::module(name).is_some();
@@ -125,25 +141,46 @@ fn namespace(namespace: &'static Namespace) -> Page {
         example(&mut text, namespace.example);
     }
     constants(&mut text, namespace);
-    each_function(&mut text, namespace.functions);
-    objects_of(&mut text, name_of_page);
-    page(name_of_page, text)
+    grouped(name_of_page, text, namespace.functions)
+}
+
+/// The page that begins with this text, with the functions without a group, and a page for each
+/// group.
+fn grouped(name: &str, mut text: String, functions: &[Function]) -> Vec<Page> {
+    let mut pages = Vec::new();
+    for calls in functions.chunk_by(|one, next| one.group == next.group) {
+        let group = calls[0].group;
+        if group.is_empty() {
+            each_function(&mut text, calls);
+            continue;
+        }
+        let name_of_page = group_name(name, group);
+        let paths = calls.iter().map(|one| format!("`{}`", one.path));
+        let paths = paths.collect::<Vec<_>>().join(", ");
+        let _ = writeln!(text, "- [{group}]({name_of_page}.md): {paths}");
+        let mut of_group = format!("# {name}: {group}\n\n");
+        each_function(&mut of_group, calls);
+        objects_of(&mut of_group, &name_of_page);
+        pages.push(page(&name_of_page, of_group));
+    }
+    objects_of(&mut text, name);
+    pages.insert(0, page(name, text));
+    pages
 }
 
 /// The objects whose home is this page.
 fn objects_of(text: &mut String, page: &str) {
     let objects = super::objects().filter(|one| !OWN_PAGES.contains(&one.name));
-    objects
-        .filter(|one| home(one) == page)
-        .for_each(|one| object(text, one, "##"));
+    objects.filter(|one| home(one) == page).for_each(|one| {
+        description(text, one, "##");
+        each_function(text, one.methods);
+    });
 }
 
-fn own_page(own: &'static Object) -> Page {
+fn own_pages(own: &'static Object) -> Vec<Page> {
     let mut text = String::new();
-    object(&mut text, own, "#");
-    let name = home(own);
-    objects_of(&mut text, &name);
-    page(&name, text)
+    description(&mut text, own, "#");
+    grouped(&home(own), text, own.methods)
 }
 
 fn each_function(text: &mut String, functions: &[Function]) {
@@ -227,11 +264,15 @@ fn events() -> Page {
         let _ = writeln!(text, "| `{}` | {} | {payload} |", event.name, event.doc);
     }
     text.push('\n');
+    if let Some(on) = super::function("robot.on") {
+        example(&mut text, on.example);
+    }
     objects_of(&mut text, EVENTS);
     page(EVENTS, text)
 }
 
-fn object(text: &mut String, object: &Object, level: &str) {
+/// An object and its fields.
+fn description(text: &mut String, object: &Object, level: &str) {
     let _ = writeln!(text, "{level} {}\n\n{}\n", object.name, object.doc);
     for field in object.fields {
         let may = if field.is_required() {
@@ -244,7 +285,6 @@ fn object(text: &mut String, object: &Object, level: &str) {
     if !object.fields.is_empty() {
         text.push('\n');
     }
-    each_function(text, object.methods);
 }
 
 fn names() -> Page {

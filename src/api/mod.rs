@@ -179,7 +179,7 @@ mod tests {
             let known: &[&str] = match words.next() {
                 Some("function") => &["waits", "pure"],
                 Some("namespace") => &["everywhere", "behaviours", "scenarios"],
-                Some("module" | "object" | "table") => &[],
+                Some("module" | "group" | "object" | "table") => &[],
                 Some("constant" | "event") => continue,
                 other => panic!("{other:?}"),
             };

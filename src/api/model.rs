@@ -6,6 +6,8 @@ use std::fmt::Write as _;
 pub struct Function {
     /// The name as scripts write it, such as `robot.move`; for a method, such as `Frame:save`.
     pub path: &'static str,
+    /// The title of its page in the book; empty if that is the page of its namespace or object.
+    pub group: &'static str,
     /// The parameters in order, without a method's object.
     pub parameters: &'static [Value],
     /// A description of the further arguments; `None` if it takes none.
@@ -17,7 +19,7 @@ pub struct Function {
     pub pure: bool,
     /// A short description in whole sentences.
     pub doc: &'static str,
-    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
+    /// A complete example that can be run; that of a `sim` call is for the function of a scenario.
     pub example: &'static str,
 }
 

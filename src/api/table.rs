@@ -37,11 +37,13 @@ impl Table {
         while let Some(section) = sections.next() {
             let mut functions = Vec::new();
             let mut constants = Vec::new();
+            let mut group = "";
             while let Some(member) =
-                sections.next_if(|next| matches!(next.kind, "function" | "constant"))
+                sections.next_if(|next| matches!(next.kind, "group" | "function" | "constant"))
             {
                 match member.kind {
-                    "function" => functions.push(member.function()),
+                    "group" => group = member.doc(),
+                    "function" => functions.push(member.function(group)),
                     _ => constants.push(member.constant()),
                 }
             }
@@ -109,9 +111,10 @@ impl Section {
         self.line("--| ").unwrap_or_default()
     }
 
-    fn function(self) -> Function {
+    fn function(self, group: &'static str) -> Function {
         Function {
             path: self.name,
+            group,
             parameters: values(&self.rows, "-->"),
             rest: self.line("--* "),
             returns: values(&self.rows, "--<"),

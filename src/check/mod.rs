@@ -321,14 +321,14 @@ mod tests {
         }
         let of_behaviours =
             api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
-        let functions = of_behaviours.flat_map(|one| one.functions);
+        let functions = of_behaviours
+            .chain(api::modules())
+            .flat_map(|one| one.functions);
         let methods = api::methods().filter(|one| one.owner() != "sim");
         let functions = functions.chain(methods).map(|one| (one.path, one.example));
-        for (path, example) in functions.chain(api::constants().map(|one| (one.path, one.example)))
-        {
-            let source =
-                format!("local function see(frame)\n{example}\nend\nrobot.on('frame', see)");
-            assert_eq!(checked(source.as_bytes()), [], "{path}: {example}");
+        let constants = api::constants().map(|one| (one.path, one.example));
+        for (path, example) in functions.chain(constants) {
+            assert_eq!(checked(example.as_bytes()), [], "{path}: {example}");
         }
     }
 

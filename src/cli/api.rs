@@ -21,8 +21,8 @@ pub(super) struct ApiArgs {
     #[arg(long, conflicts_with_all = ["name", "markdown", "json"])]
     luau: bool,
 
-    /// Write the reference of the book into a folder, as Markdown: a page for each namespace, and
-    /// one for the settings
+    /// Write the reference of the book into a folder, as Markdown: a page for each namespace or
+    /// group of its calls, and one for the settings
     #[arg(long, value_name = "DIR", conflicts_with_all = ["name", "json"])]
     markdown: Option<PathBuf>,
 

@@ -184,6 +184,16 @@ scenario("13 counts its runs", FIVE, function(sim)
 	for run = 1, 3 do
 		sim:run("guide_13.lua")
 		says(sim, `this is run number {run}`, 5)
+		local lit, blinks = false, 0
+		sim:wait_until(function()
+			local now = sim:leds().flash
+			if now and not lit then
+				blinks += 1
+			end
+			lit = now
+			return sim:ended()
+		end, 5)
+		expect(blinks == run, `it blinked {blinks} times`)
 		ends(sim, 5)
 		sim:stop()
 	end

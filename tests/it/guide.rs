@@ -8,13 +8,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use spykee::api::{Availability, Function, Namespace};
+
 use crate::rig::{Rig, assert_contains, run_in};
 
 /// The scenarios that check the scripts of the book.
 const SCENARIOS: &str = include_str!("../guide/guide_test.lua");
-/// The longest chapter, in lines; what is generated is for looking up and may be longer.
+/// The longest chapter, in lines.
 const LONGEST_CHAPTER: usize = 250;
-const LONGEST_REFERENCE: usize = 400;
 
 /// A chapter of the book.
 struct Chapter {
@@ -141,6 +142,43 @@ async fn the_check_finds_nothing_in_the_book() {
     }
 }
 
+/// The calls of scenarios: their examples run beside a behaviour that says hello.
+#[test]
+fn every_example_of_a_scenarios_call_runs() {
+    let folder = tempfile::tempdir().unwrap();
+    let waits = "while true do task.wait(1) end";
+    for (name, begins) in [
+        ("hello.lua", "print('hello')"),
+        ("patrol.lua", ""),
+        (
+            "guard.lua",
+            "params.declare({ loud = { default = false } })",
+        ),
+    ] {
+        std::fs::write(folder.path().join(name), format!("{begins}\n{waits}")).unwrap();
+    }
+    let of_scenarios = |one: &&Namespace| one.availability == Availability::Scenario;
+    let functions = spykee::api::namespaces().filter(of_scenarios);
+    let functions = functions.flat_map(|one| one.functions);
+    let methods = spykee::api::methods().filter(|one| one.owner() == "sim");
+    let examples = functions.chain(methods).map(|one| {
+        let runs = match one.path {
+            spykee::api::SCENARIO => return one.example.to_owned(),
+            "sim:run" => "",
+            _ => "sim:run('hello.lua') sim:wait(1)",
+        };
+        let Function { path, example, .. } = one;
+        format!(
+            "scenario('{path}', {{ world = 'playpen' }}, function(sim)\n{runs}\n{example}\nend)"
+        )
+    });
+    let examples: Vec<String> = examples.collect();
+    assert!(examples.len() > 20, "{} examples", examples.len());
+    std::fs::write(folder.path().join("examples_test.lua"), examples.join("\n")).unwrap();
+    let played = run_in(folder.path(), &["test", "examples_test.lua"]);
+    assert_eq!(played.code, Some(0), "{}", played.text());
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn the_patrol_of_the_book_passes_its_scenarios() {
     let rig = Rig::quiet().await;
@@ -218,12 +256,7 @@ fn every_link_leads_to_a_file() {
 fn no_chapter_is_long() {
     for chapter in CHAPTERS.iter() {
         let lines = chapter.text.lines().count();
-        let limit = if chapter.is_generated() {
-            LONGEST_REFERENCE
-        } else {
-            LONGEST_CHAPTER
-        };
-        assert!(lines <= limit, "{}: {lines} lines", chapter.name);
+        assert!(lines <= LONGEST_CHAPTER, "{}: {lines} lines", chapter.name);
     }
 }
 

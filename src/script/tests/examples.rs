@@ -30,7 +30,8 @@ fn runs(path: &str, source: &str) {
 fn every_example_runs() {
     let of_behaviours =
         api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
-    for namespace in of_behaviours {
+    for namespace in of_behaviours.chain(api::modules()) {
+        runs(namespace.name, namespace.example);
         for function in namespace.functions {
             runs(function.path, function.example);
         }
@@ -39,26 +40,7 @@ fn every_example_runs() {
         }
     }
     for method in api::methods().filter(|one| one.owner() != "sim") {
-        let example = method.example;
-        let source = if example.contains("frame") {
-            format!("robot.on('frame', function(frame)\n{example}\nend)")
-        } else {
-            example.to_owned()
-        };
-        runs(method.path, &source);
-    }
-}
-
-#[test]
-fn every_example_of_a_module_runs() {
-    for module in api::modules() {
-        let name = module.name;
-        runs(name, module.example);
-        for function in module.functions {
-            let example = function.example;
-            let source = format!("local {name} = require('@spykee/{name}')\n{example}");
-            runs(function.path, &source);
-        }
+        runs(method.path, method.example);
     }
 }
 

@@ -16,6 +16,7 @@ const RUN: &[&str] = &[
     "learn/01-first-script.md",
     "learn/02-driving.md",
     "learn/08-events.md",
+    "learn/09-pictures.md",
     "learn/12-parameters.md",
     "learn/18-scenarios.md",
     "learn/ready-behaviours.md",
@@ -187,10 +188,12 @@ fn the_commands_for_a_config_run() {
 }
 
 #[test]
-fn the_commands_for_worlds_run() {
-    let folder = tempfile::tempdir().unwrap();
-    for command in chapter("inside/simulator.md").commands() {
-        runs(folder.path(), command, &[], 0);
+fn the_commands_for_worlds_and_colours_run() {
+    for name in ["inside/simulator.md", "learn/09-pictures.md"] {
+        let folder = tempfile::tempdir().unwrap();
+        for command in chapter(name).commands() {
+            runs(folder.path(), command, &[], 0);
+        }
     }
 }
 
