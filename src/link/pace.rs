@@ -42,6 +42,10 @@ const MANY_UNASKED: u32 = 4;
 const UNASKED_SPAN: Duration = Duration::from_millis(500);
 /// The most questions whose answers are awaited.
 const MAX_QUESTIONS: usize = 16;
+/// The time from the answer to the first control question to the next one; then twice as long ...
+const CONTROL_PAUSE: Duration = Duration::from_secs(2);
+/// ... up to this.
+const MAX_CONTROL_PAUSE: Duration = Duration::from_secs(16);
 
 /// Whether the robot's program answers questions, and how fast it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,9 +90,21 @@ struct Unasked {
     count: u32,
 }
 
+/// Checks whether POWER that arrives is an answer: some robots send it with each motion, and do not
+/// answer POWER. CONFIG never comes unasked, but it is long, so it is asked rarely, between questions
+/// for POWER: the robot answers in turn.
+#[derive(Debug, Clone)]
+struct Control {
+    /// The number of messages written up to the one that is not answered.
+    written: Option<u64>,
+    due: Option<Instant>,
+    pause: Duration,
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Pace {
     question: Command,
+    control: Control,
     /// The first key of the robot's settings.
     first_key: Option<Bytes>,
     unasked: Option<Unasked>,
@@ -119,6 +135,11 @@ impl Default for Pace {
     fn default() -> Pace {
         Pace {
             question: Command::PowerQuery,
+            control: Control {
+                written: None,
+                due: None,
+                pause: CONTROL_PAUSE,
+            },
             first_key: None,
             unasked: None,
             settled: 0,
@@ -163,21 +184,56 @@ impl Pace {
         }
     }
 
-    /// Whether an answer to the present question begins with this report. The robot answers CONFIG
-    /// with its settings in several messages: only the one with the first key is the beginning.
-    pub(super) fn is_answer(&mut self, report: &Report) -> bool {
+    /// Notes that the message just written is the control question.
+    pub(super) fn wrote_control(&mut self) {
+        self.control.written = Some(self.written);
+    }
+
+    /// Notes a report; returns whether an answer to the present question begins with it.
+    pub(super) fn is_answer(&mut self, report: &Report, now: Instant) -> bool {
         match (&self.question, report) {
             (Command::PowerQuery, Report::Power(_)) => true,
-            (Command::ConfigQuery, Report::Config(settings)) => {
-                let end = settings.iter().position(|byte| *byte == b'=');
-                let key = &settings[..end.unwrap_or(settings.len())];
-                let first = self
-                    .first_key
-                    .get_or_insert_with(|| Bytes::copy_from_slice(key));
-                key == first
+            (Command::PowerQuery, Report::Config(settings)) => {
+                if self.begins_settings(settings) {
+                    self.control_answered(now);
+                }
+                false
             }
+            (Command::ConfigQuery, Report::Config(settings)) => self.begins_settings(settings),
             _ => false,
         }
+    }
+
+    /// The robot sends its settings in several messages: the one with the first key is the first.
+    fn begins_settings(&mut self, settings: &Bytes) -> bool {
+        let end = settings.iter().position(|byte| *byte == b'=');
+        let key = settings.slice(..end.unwrap_or(settings.len()));
+        match &self.first_key {
+            Some(first) => *first == key,
+            None => {
+                self.first_key = Some(Bytes::copy_from_slice(&key));
+                true
+            }
+        }
+    }
+
+    fn control_answered(&mut self, now: Instant) {
+        let Some(written) = self.control.written.take() else {
+            return;
+        };
+        // A later question cannot be answered before this one.
+        if self.last_answer.is_some_and(|last| last.written > written) {
+            self.distrust_power();
+        }
+        self.control.due = Some(now + self.control.pause);
+        self.control.pause = (self.control.pause * 2).min(MAX_CONTROL_PAUSE);
+    }
+
+    /// Whether to ask the control question before the next one.
+    pub(super) fn is_control_due(&self, now: Instant) -> bool {
+        self.question == Command::PowerQuery
+            && self.control.written.is_none()
+            && self.control.due.is_none_or(|due| now >= due)
     }
 
     /// Notes the beginning of an answer; `network` is the time that the network
@@ -242,10 +298,15 @@ impl Pace {
         };
         self.unasked = Some(unasked);
         if unasked.count >= MANY_UNASKED {
-            self.question = Command::ConfigQuery;
-            self.answers = None;
-            self.forget_speed();
+            self.distrust_power();
         }
+    }
+
+    /// From now on asks for what the robot does not send by itself.
+    fn distrust_power(&mut self) {
+        self.question = Command::ConfigQuery;
+        self.answers = None;
+        self.forget_speed();
     }
 
     /// What was measured is not believed any more.
@@ -458,22 +519,48 @@ mod tests {
         assert!(matches!(pace.executes(), Executes::Every(period) if period >= CAUTIOUS));
     }
 
+    fn settings(text: &'static str) -> Report {
+        Report::Config(Bytes::from_static(text.as_bytes()))
+    }
+
+    #[test]
+    fn power_before_the_answer_to_an_earlier_question_is_no_answer() {
+        let start = Instant::now();
+        for unasked in [false, true] {
+            let mut pace = Pace::default();
+            ask(&mut pace, start);
+            answer(&mut pace, start + 100 * MS);
+            assert!(pace.is_control_due(start));
+            pace.wrote(false, start + 200 * MS);
+            pace.wrote_control();
+            assert!(!pace.is_control_due(start + 200 * MS));
+            ask(&mut pace, start + 200 * MS);
+            if unasked {
+                answer(&mut pace, start + 300 * MS);
+            }
+            assert!(!pace.is_answer(&settings("name=Spykee"), start + 600 * MS));
+            assert!(!pace.is_answer(&settings("channel=6"), start + 600 * MS));
+            let asks_config = pace.question() == Command::ConfigQuery;
+            assert_eq!(asks_config, unasked);
+            assert_eq!(pace.is_control_due(start + 3000 * MS), !unasked);
+        }
+    }
+
     #[test]
     fn settings_in_several_messages_are_one_answer() {
         let mut pace = Pace {
             question: Command::ConfigQuery,
             ..Pace::default()
         };
-        let mut begins = |settings: &'static str| {
-            let report = Report::Config(Bytes::from_static(settings.as_bytes()));
-            pace.is_answer(&report)
-        };
+        let now = Instant::now();
+        let mut begins = |text| pace.is_answer(&settings(text), now);
         let answer = ["name=Spykee&volume=70", "channel=6&ssid=SPYKEE", "version"];
         for _answer in 0..3 {
             assert_eq!(answer.map(&mut begins), [true, false, false]);
         }
         assert!(begins("name=Anna&volume=70"));
-        assert!(!pace.is_answer(&Report::Power(crate::wire::Power::from_byte(50))));
+        let power = Report::Power(crate::wire::Power::from_byte(50));
+        assert!(!pace.is_answer(&power, now));
     }
 
     #[test]

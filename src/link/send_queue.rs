@@ -31,6 +31,8 @@ enum CommandKind {
     Engine,
     /// A question that the robot's program answers.
     Question,
+    /// A question that shows whether what arrives answers the others.
+    Control,
     /// Everything else that does not wait.
     Other,
     /// A MOVE that is no stop: waits, and a newer MOVE replaces it.
@@ -273,6 +275,12 @@ impl SendQueue {
         if moves && !asks && self.pace.is_question_due(now) {
             let overdue = self.pace.next_admission(now).is_none();
             if overdue || self.pace.admits(now) {
+                if self.pace.is_control_due(now) {
+                    self.push_urgent(Message {
+                        kind: CommandKind::Control,
+                        ..Message::new(&Command::ConfigQuery, now)
+                    });
+                }
                 for _ in 0..self.pace.questions(now) {
                     self.push_urgent(Message::new(&self.pace.question(), now));
                 }
@@ -318,6 +326,9 @@ impl SendQueue {
                 self.move_begins = Some(self.pace.next_execution(now));
             }
             self.pace.wrote(message.kind == CommandKind::Question, now);
+            if message.kind == CommandKind::Control {
+                self.pace.wrote_control();
+            }
             self.drove |= message.kind == CommandKind::Move;
             let out = left.min(message.bytes.len());
             drop(message.bytes.split_to(out));

@@ -166,7 +166,7 @@ impl Writer {
 
     /// Notes a report: one of the kind that is asked for may be an answer.
     pub fn answer(&mut self, report: &Report, now: Instant) {
-        if self.queue.pace().is_answer(report) {
+        if self.queue.pace().is_answer(report, now) {
             let network = self.direct.as_deref().and_then(round_trip);
             self.queue.pace().answer(network.unwrap_or_default(), now);
         }

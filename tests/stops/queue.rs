@@ -254,6 +254,15 @@ pub fn age_goal(speed: Option<f64>) -> f64 {
     speed.map_or(0.1, |speed| f64::max(0.3, 2.0 / speed) + 1.0 / speed)
 }
 
+impl Stopped {
+    fn is_kept(self, speed: Option<f64>) -> bool {
+        match self {
+            Stopped::NeverDrove | Stopped::Never => false,
+            Stopped::Executed { age, again, .. } => age <= age_goal(speed) && !again,
+        }
+    }
+}
+
 /// The robots with one driver, one stopper and one speed.
 #[derive(Debug, Clone, Default)]
 pub struct Cell {
@@ -327,6 +336,9 @@ pub fn play_all(
     let stopped = in_parallel(&trials, threads, play);
     let mut cells: Vec<(Trial, Cell)> = Vec::new();
     for (trial, stopped) in trials.iter().zip(stopped) {
+        if !stopped.is_kept(trial.speed) {
+            eprintln!("late: {trial:?}: {stopped:?}");
+        }
         if trial.seed == 1 {
             cells.push((*trial, Cell::default()));
         }
