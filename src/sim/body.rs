@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
+use wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
 
 use self::battery::{Battery, PowerReports};
 use self::chassis::{Chassis, TrackSlip, Tracks};
@@ -23,12 +24,11 @@ use self::memory::{Memory, RobotLog};
 use self::microphone::Microphone;
 use self::speaker::Speaker;
 use self::trace::{Trace, TraceEventKind};
-use crate::sim::camera::{Shot, Video};
-use crate::sim::faults::FaultKind;
-use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::world::World;
-use crate::sim::world::dynamics::Environment;
-use crate::wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
+use crate::camera::{Shot, Video};
+use crate::faults::FaultKind;
+use crate::geometry::{Point, Pose, RADIUS};
+use crate::world::World;
+use crate::world::dynamics::Environment;
 
 /// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
 const ACTIVATE: u8 = 1;

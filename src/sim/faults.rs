@@ -9,8 +9,7 @@ pub(crate) mod scheduler;
 use std::time::Duration;
 
 use serde::Deserialize;
-
-use crate::wire::Refusal;
+use wire::Refusal;
 
 /// Which direction of a connection a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

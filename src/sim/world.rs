@@ -19,10 +19,10 @@ use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, 
 use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
-use crate::sim::faults::FaultKind;
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
-use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::{self, DocumentError, number};
+use crate::document::{self, DocumentError, number};
+use crate::faults::FaultKind;
+use crate::geometry::obstacles::{Bump, Circle, Obstacles};
+use crate::geometry::{Point, Pose, Rectangle, Segment};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const BUILTIN: [(&str, &str); 9] = [
@@ -246,19 +246,19 @@ impl World {
 
     /// Parses a world; `name` is the name of the text in errors, usually its file name.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
-        let mut world: World = yaml::read(text, name)?;
+        let mut world: World = document::read(text, name)?;
         let preset = world.preset;
         preset
             .complete(&mut world, text)
-            .map_err(|error| yaml::error(&error, name))?;
+            .map_err(|error| document::error(&error, name))?;
         validate::check(&world).map_err(|(path, message)| {
-            DocumentError::invalid(name, yaml::find(text, &path), message)
+            DocumentError::invalid(name, document::find(text, &path), message)
         })?;
         Ok(world)
     }
 
     pub fn load(path: &Path) -> Result<World, DocumentError> {
-        yaml::load(path, "world", World::from_yaml)
+        document::load(path, "world", World::from_yaml)
     }
 }
 
@@ -279,9 +279,9 @@ pub struct Wifi {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::world::settings::TrackResponse;
-    use crate::sim::world::station::DockingSettings;
-    use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
+    use crate::world::settings::TrackResponse;
+    use crate::world::station::DockingSettings;
+    use crate::world::validate::{MAX_LAMPS, MAX_OBJECTS};
 
     #[test]
     fn every_built_in_world_is_valid_and_has_a_description() {
@@ -517,7 +517,7 @@ mod tests {
                 "{more}{text}"
             );
         }
-        let long = "x".repeat(crate::sim::world::fixtures::MAX_TEXT + 1);
+        let long = "x".repeat(crate::world::fixtures::MAX_TEXT + 1);
         let text = fault(&format!(
             "signs: [{{at: [1, 1], heading_degrees: 0, text: {long}}}]\n"
         ));
@@ -554,9 +554,9 @@ mod tests {
             let text = format!("{ROOM}{STATION}{}\n", more.join("\n"));
             if let Ok(world) = World::from_yaml(&text, "random") {
                 let map = world.draw();
-                let mut robot = crate::sim::Robot::new(world, Default::default(), 1);
-                robot.execute(&crate::wire::Command::Stream { stream: crate::wire::Stream::Video, on: true });
-                robot.execute(&crate::wire::Command::Move { left: 90, right: 80 });
+                let mut robot = crate::Robot::new(world, Default::default(), 1);
+                robot.execute(&wire::Command::Stream { stream: wire::Stream::Video, on: true });
+                robot.execute(&wire::Command::Move { left: 90, right: 80 });
                 (0..20).for_each(|_| robot.step(std::time::Duration::from_millis(20)));
                 let pose = robot.state().pose;
                 proptest::prop_assert!(pose.x.is_finite() && pose.y.is_finite());

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml::{self, DocumentError, number};
+use crate::document::{self, DocumentError, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
@@ -115,11 +115,11 @@ impl Firmware {
     /// Parses firmware settings from YAML; missing keys get their defaults. `name` is the name of
     /// the text in errors.
     pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, DocumentError> {
-        yaml::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
+        document::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
-        yaml::load(path, "description of a firmware", Firmware::from_yaml)
+        document::load(path, "description of a firmware", Firmware::from_yaml)
     }
 }
 

@@ -3,8 +3,9 @@
 
 use std::time::Duration;
 
-use crate::sim::geometry::{Point, Pose, wrap};
-use crate::wire::{Led, Sound};
+use wire::{Led, Sound};
+
+use crate::geometry::{Point, Pose, wrap};
 
 /// Maximum number of samples; at this number, every other one is dropped.
 const MAX_SAMPLES: usize = 16_384;
@@ -52,7 +53,7 @@ pub enum TraceEventKind {
     },
     /// The robot played the camera sound, which behaviours use when they keep a picture.
     Photo,
-    /// A note by an observer; see [`Handle::note`](crate::sim::Handle::note).
+    /// A note by an observer; see [`Handle::note`](crate::Handle::note).
     Note(String),
 }
 

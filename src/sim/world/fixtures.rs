@@ -6,8 +6,8 @@ use qrcode::QrCode;
 use serde::Deserialize;
 
 use super::objects::{Paint, Spot};
-use crate::sim::geometry::Point;
-use crate::sim::yaml::number;
+use crate::document::number;
+use crate::geometry::Point;
 
 /// A line of tape on the floor: straight legs with rounded corners.
 #[derive(Debug, Clone, Deserialize)]

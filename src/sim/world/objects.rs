@@ -3,10 +3,9 @@
 use serde::{Deserialize, Deserializer};
 
 use super::fixtures::Tape;
-use crate::sim::geometry::obstacles::Bump;
-use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::number;
-use crate::yaml;
+use crate::document::number;
+use crate::geometry::obstacles::Bump;
+use crate::geometry::{Point, Pose, Rectangle, Segment};
 
 /// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
 #[derive(Debug, Clone, Deserialize)]

@@ -6,9 +6,9 @@ use std::f64::consts::PI;
 use serde::Deserialize;
 
 use super::objects::Spot;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
-use crate::sim::yaml::number;
+use crate::document::number;
+use crate::geometry::obstacles::Obstacles;
+use crate::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
 
 /// Depth of the station's body, from back to front, metres.
 const DEPTH: f64 = 0.10;

@@ -4,13 +4,11 @@
 use std::fmt;
 use std::path::Path;
 
+use files::ReadError;
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess,
     Visitor,
 };
-
-use crate::files::ReadError;
-use crate::{files, yaml};
 
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
