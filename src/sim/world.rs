@@ -64,14 +64,17 @@ const LATEST: Duration = Duration::from_millis(1000);
 /// Steps of the delay, so that a robot that drives does not change it all the time.
 const STEPS: f64 = 20.0;
 
+/// A room with all that is in it, and what the robot is like.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
+    /// Title of the map.
     #[serde(default)]
     pub name: String,
     /// What the robot is like where this world does not say it.
     #[serde(default)]
     pub preset: Preset,
+    /// Outer walls and floor.
     pub room: Room,
     /// Inner walls, as high as the room.
     #[serde(default)]
@@ -88,6 +91,7 @@ pub struct World {
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
+    /// Round columns.
     #[serde(default)]
     pub posts: Vec<Post>,
     /// Lines of tape on the floor.
@@ -105,6 +109,7 @@ pub struct World {
     /// Sound sources that the microphone hears besides the robot.
     #[serde(default)]
     pub sounds: Vec<Noise>,
+    /// Where the robot charges.
     pub station: Station,
     /// The robot's start pose; on the station if omitted.
     #[serde(default)]
@@ -115,6 +120,7 @@ pub struct World {
     /// How the battery drains and charges.
     #[serde(default)]
     pub battery: BatterySettings,
+    /// Lens, exposure and noise of the camera.
     #[serde(default)]
     pub camera: CameraSettings,
     /// How the tracks follow their commands, differ and slip.
@@ -126,6 +132,7 @@ pub struct World {
 }
 
 impl World {
+    /// Returns where the robot stands at first.
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
@@ -221,6 +228,7 @@ impl World {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
+    /// Returns the built-in world with this name.
     pub fn builtin(name: &str) -> Option<World> {
         World::from_yaml(World::builtin_yaml(name)?, &format!("{name}.yaml")).ok()
     }
@@ -257,6 +265,7 @@ impl World {
         Ok(world)
     }
 
+    /// Reads a file; see [`World::from_yaml`].
     pub fn load(path: &Path) -> Result<World, DocumentError> {
         document::load(path, "world", World::from_yaml)
     }
@@ -267,9 +276,11 @@ pub(crate) fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
     if name.is_empty() { kind } else { name }
 }
 
+/// An access point and how far it reaches.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wifi {
+    /// The place of the access point.
     pub at: Spot,
     /// Distance up to which it reaches the robot, metres, in a straight line without walls.
     #[serde(deserialize_with = "number::reach")]

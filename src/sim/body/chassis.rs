@@ -20,11 +20,14 @@ const ACCELERATION: f64 = 1.5;
 /// One value for each track.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Tracks<T> {
+    /// Of the left track.
     pub left: T,
+    /// Of the right track.
     pub right: T,
 }
 
 impl<T> Tracks<T> {
+    /// Creates the pair.
     pub const fn new(left: T, right: T) -> Tracks<T> {
         Tracks { left, right }
     }

@@ -60,6 +60,7 @@ pub struct Firmware {
     /// Length of the uploaded music. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub music: Duration,
+    /// The version that AUTH_REPLY and CONFIG report.
     pub version: String,
 }
 
@@ -70,6 +71,7 @@ pub enum FirmwareBehaviour {
     /// The MOVE ends the manoeuvre, and the tracks follow it; MOVE 0 0 ends the manoeuvre too.
     #[default]
     Ends,
+    /// The MOVE has no effect.
     Ignored,
     /// The tracks follow the MOVE, and the manoeuvre continues from the next MOVE 0 0.
     Obeyed,
@@ -118,6 +120,7 @@ impl Firmware {
         document::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
+    /// Reads a file; see [`Firmware::from_yaml`].
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
         document::load(path, "description of a firmware", Firmware::from_yaml)
     }

@@ -39,6 +39,7 @@ impl Fault {
         Ok(faults.iter().map(Entry::fault).collect())
     }
 
+    /// Reads a file; see [`Fault::list_from_yaml`].
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
         document::load(path, "list of faults", Fault::list_from_yaml)
     }

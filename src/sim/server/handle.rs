@@ -245,6 +245,7 @@ pub struct ReceivedCommand {
     pub write: u64,
     /// Index of the connection, from 0.
     pub client: u64,
+    /// The command as received.
     pub command: Command,
 }
 
