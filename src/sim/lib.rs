@@ -6,7 +6,7 @@
 //! use sim::{Options, Server, World};
 //! use tokio::io::{AsyncReadExt, AsyncWriteExt};
 //! use tokio::net::TcpStream;
-//! use wire::{Command, Decoder, Login, Report};
+//! use wire::{Command, Decoder, Led, Login, Report};
 //!
 //! # #[tokio::main(flavor = "current_thread")]
 //! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -16,7 +16,7 @@
 //! let robot = server.handle();
 //! tokio::spawn(server.run());
 //!
-//! // Any client may log in: this one, as the robot's own app does.
+//! // A client logs in.
 //! client.write_all(&Command::Login(Login::new("admin", "admin")).to_bytes()).await?;
 //! let mut buffer = [0; 1024];
 //! let length = client.read(&mut buffer).await?;
@@ -24,10 +24,9 @@
 //! assert!(matches!(Report::parse(packet), Report::Accepted(_)));
 //!
 //! // The handle tells what the robot has heard, and what it does.
-//! client.write_all(&Command::Move { left: 40, right: 40 }.to_bytes()).await?;
-//! robot.wait_heard(0, |command| matches!(command, Command::Move { left: 40, .. })).await;
-//! let state = robot.wait_state(|state| state.speeds.left > 0.0).await;
-//! assert!(!state.docked && state.user.as_deref() == Some("admin"));
+//! client.write_all(&Command::Led { led: Led::Flash, on: true }.to_bytes()).await?;
+//! let state = robot.wait_state(|state| state.leds.flash).await;
+//! assert_eq!(state.user.as_deref(), Some("admin"));
 //! # Ok(())
 //! # }
 //! ```
