@@ -1,6 +1,6 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
 //! UDP or an in-memory pipe. It imports only `wire`, small helpers and of `vision` the JPEG encoder
-//! and the type `Camera`, none of its optics, so that it stays independent of the code that it tests.
+//! and the type `Camera`, none of its optics, so that it stays independent of what it tests.
 //!
 //! ```
 //! use sim::{Options, Server, World};
