@@ -93,8 +93,8 @@
 //! | 0 | `wire` | a crate of its own: messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | a crate of its own: JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 0 | `sandbox` | the kernel's confinement of processes that handle people's scripts |
-//! | 0 | `files` | regular files of bounded length, folders without links |
-//! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
+//! | 0 | `files` | a crate of its own: regular files of bounded length, folders without links |
+//! | 0 | `yaml` | a crate of its own: refuses texts that nest too deeply; errors with positions, in plain words |
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `rate_limit` | token buckets, bytes per day, growing pauses, lines that are logged once a minute |
 //! | 0 | `side_thread` | threads for work that waits for a disk, a network or another program |
@@ -124,7 +124,7 @@
 //! | 8 | `mqtt` | the broker through which others see and command the robot, and find a fleet |
 //! | 8 | `scenario` | worlds, behaviours and expectations: runs `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
-//! | side | `sim` | the simulated robot and its world; imports floor 0 only |
+//! | side | `sim` | a crate of its own: the simulated robot and its world; imports floor 0 only |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;
@@ -135,7 +135,6 @@ pub mod cli;
 pub mod clock;
 pub mod config;
 pub mod control;
-pub mod files;
 pub mod guardian;
 pub mod http;
 pub mod journal;
@@ -155,10 +154,8 @@ pub mod scenario;
 pub mod script;
 pub mod service;
 pub mod side_thread;
-pub mod sim;
 pub mod simulation;
 pub mod socket_outq;
 pub mod timetable;
-pub mod yaml;
 
-pub use {vision, wire};
+pub use {files, sim, vision, wire, yaml};

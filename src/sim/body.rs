@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
+use wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
 
 use self::battery::{Battery, PowerReports};
 use self::chassis::{Chassis, TrackSlip, Tracks};
@@ -23,18 +24,19 @@ use self::memory::{Memory, RobotLog};
 use self::microphone::Microphone;
 use self::speaker::Speaker;
 use self::trace::{Trace, TraceEventKind};
-use crate::sim::camera::{Shot, Video};
-use crate::sim::faults::FaultKind;
-use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::world::World;
-use crate::sim::world::dynamics::Environment;
-use crate::wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
+use crate::camera::{Shot, Video};
+use crate::faults::FaultKind;
+use crate::geometry::{Point, Pose, RADIUS};
+use crate::world::World;
+use crate::world::dynamics::Environment;
 
 /// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
 const ACTIVATE: u8 = 1;
 /// The reply to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
+/// A simulated robot without a network: commands go in, reports come out, and the caller advances
+/// its time. [`Server`](crate::Server) connects one to clients.
 pub struct Robot {
     firmware: Firmware,
     time: Duration,
@@ -108,10 +110,12 @@ impl Robot {
         self.trace.clone()
     }
 
+    /// Returns a copy of the trace so far.
     pub fn trace(&self) -> Trace {
         lock(&self.trace).clone()
     }
 
+    /// Returns the world that it is in.
     pub fn world(&self) -> &World {
         &self.environment.world
     }
@@ -502,10 +506,14 @@ fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
     trace.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Which lights are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Leds {
+    /// The headlight in the centre.
     pub flash: bool,
+    /// The light on the left.
     pub left: bool,
+    /// The light on the right.
     pub right: bool,
 }
 
@@ -522,10 +530,14 @@ impl Leds {
     }
 }
 
+/// Which streams are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Streams {
+    /// Frames of the camera.
     pub video: bool,
+    /// Samples of the robot's microphone.
     pub audio_in: bool,
+    /// Samples for its speaker.
     pub audio_out: bool,
 }
 
@@ -547,9 +559,11 @@ impl Streams {
 pub struct State {
     /// Simulated time since the start.
     pub time: Duration,
+    /// The place of its centre, and its heading.
     pub pose: Pose,
     /// The battery's level, 0..=100, unrounded.
     pub battery: f64,
+    /// What an exact POWER would report now.
     pub power: Power,
     /// Current flows into the battery.
     pub charging: bool,
@@ -557,23 +571,30 @@ pub struct State {
     pub docked: bool,
     /// The robot is driving to the station or searching for it.
     pub searching: bool,
+    /// The robot is driving off its station.
     pub leaving: bool,
     /// The last MOVE that was not ignored, as received; 0 if since then the firmware stopped the
     /// tracks, or a manoeuvre was started or cancelled.
     pub commanded: Tracks<i8>,
     /// The actual speeds of the tracks, metres per second.
     pub speeds: Tracks<f64>,
+    /// Something stands in its way, against which the tracks push.
     pub blocked: bool,
+    /// How often it ran into something.
     pub collisions: u64,
     /// Metres driven.
     pub distance: f64,
+    /// Its lights.
     pub leds: Leds,
+    /// The sound that is playing.
     pub sound: Option<Sound>,
     /// The volume, 0..=100 percent.
     pub volume: u8,
+    /// The user's streams.
     pub streams: Streams,
     /// Commands that were received and wait to be executed.
     pub queued: usize,
+    /// The name of the client that may command the robot.
     pub user: Option<String>,
     /// Frames rendered so far.
     pub frames: u64,
@@ -582,6 +603,7 @@ pub struct State {
 }
 
 impl State {
+    /// Whether a track moves.
     pub fn moving(&self) -> bool {
         self.speeds.left != 0.0 || self.speeds.right != 0.0
     }

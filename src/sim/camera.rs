@@ -16,16 +16,16 @@ use std::time::Duration;
 use bytes::Bytes;
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt, SeedableRng};
+use vision::JpegEncoder;
 
 use self::lens::Lens;
 use self::renderer::Renderer;
 use self::sensor::Sensor;
 use self::texture::Pixel;
 use self::view::{HEIGHT, WIDTH};
-use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::World;
-use crate::sim::world::settings::CameraSettings;
-use crate::vision::JpegEncoder;
+use crate::geometry::{Point, Pose};
+use crate::world::World;
+use crate::world::settings::CameraSettings;
 
 pub(crate) struct Camera {
     settings: CameraSettings,

@@ -9,8 +9,7 @@ pub(crate) mod scheduler;
 use std::time::Duration;
 
 use serde::Deserialize;
-
-use crate::wire::Refusal;
+use wire::Refusal;
 
 /// Which direction of a connection a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -20,6 +19,7 @@ pub enum Direction {
     Client,
     /// From the client to the robot.
     Robot,
+    /// Both directions.
     Both,
 }
 
@@ -30,6 +30,7 @@ impl Direction {
     }
 }
 
+/// What goes wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FaultKind {
     /// Bytes are delayed by `by` plus a random time up to `jitter`, and stay in order.
@@ -41,6 +42,7 @@ pub enum FaultKind {
     },
     /// Messages arrive in pieces, split at random places.
     Split,
+    /// Bytes arrive slowly, a few at a time.
     Drip {
         /// Bytes per second.
         rate: u32,
@@ -68,8 +70,10 @@ pub enum FaultKind {
     TruncatedFrames,
     /// Random bytes of each frame are changed.
     FlippedFrames {
+        /// How many of each frame.
         bytes: usize,
     },
+    /// No POWER arrives.
     NoPower,
     /// POWER reports a wrong level; its sign (charging) stays.
     PowerJumps {
@@ -84,14 +88,18 @@ pub enum FaultKind {
         /// and the robot continued what it was doing.
         forgets: bool,
     },
+    /// Every login is refused, for this reason.
     RefuseLogin(Refusal),
     /// The robot's program takes this long for each command, and executes one after another.
     SlowProgram {
+        /// Time for each command.
         period: Duration,
     },
     /// Another user takes over the robot for a while.
     TakeOver,
+    /// The station's beacon is off, so that a search fails.
     BaseNotFound,
+    /// The station does not charge.
     NoCharge,
     /// The robot slides off the contacts after each docking.
     DockLost {
@@ -100,11 +108,14 @@ pub enum FaultKind {
     },
 }
 
+/// A fault and its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
+    /// What goes wrong.
     pub kind: FaultKind,
     /// The affected direction, for kinds that have one.
     pub towards: Direction,
+    /// When, and for how long.
     pub timing: Timing,
     /// Probability, 0..=1: per message for faults that alter messages, otherwise per occurrence.
     pub chance: f64,

@@ -12,6 +12,7 @@ pub const RADIUS: f64 = 0.15;
 /// Distance between the centre lines of the tracks, metres.
 pub const TRACK_WIDTH: f64 = 0.24;
 
+/// A place on the floor, metres from the room's bottom left corner.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Point {
     /// Along the room's width.
@@ -53,6 +54,7 @@ impl Point {
     }
 }
 
+/// Where something stands, and where it looks.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// Metres along the room's width.
@@ -69,10 +71,12 @@ impl Pose {
         Pose { x, y, heading }
     }
 
+    /// Creates a pose at a point, with a heading in radians.
     pub fn at(point: Point, heading: f64) -> Pose {
         Pose::new(point.x, point.y, heading)
     }
 
+    /// Returns its place.
     pub fn point(self) -> Point {
         Point::new(self.x, self.y)
     }

@@ -8,10 +8,10 @@ use std::f64::consts::PI;
 use image::RgbImage;
 
 use self::canvas::{Ink, MapCanvas, Pixel, TextStyle};
-use crate::sim::camera::floor::drawing_path;
-use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::world::objects::{Paint, Route};
-use crate::sim::world::{World, name_or};
+use crate::camera::floor::drawing_path;
+use crate::geometry::{Point, Pose, RADIUS};
+use crate::world::objects::{Paint, Route};
+use crate::world::{World, name_or};
 
 /// Approximate length of the longer side of the room, pixels.
 const SIDE: f64 = 1000.0;

@@ -12,16 +12,16 @@ use std::time::Duration;
 
 use tokio::sync::mpsc;
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+use wire::Login;
 
 use self::connection::Event;
 use self::handle::{Handle, Request};
 use self::robot_server::{RobotServer, STEP};
 use self::sockets::Sockets;
-use crate::sim::body::Robot;
-use crate::sim::body::firmware::Firmware;
-use crate::sim::faults::Fault;
-use crate::sim::world::World;
-use crate::wire::Login;
+use crate::body::Robot;
+use crate::body::firmware::Firmware;
+use crate::faults::Fault;
+use crate::world::World;
 
 /// Capacity of the queue of connection events; when it is full, the connections wait.
 const MAX_EVENTS: usize = 64;
@@ -127,8 +127,8 @@ pub struct Options {
     pub fps: Option<f64>,
     /// The robot's id in AUTH_REPLY and discovery.
     pub uid: String,
-    /// The faults, with times relative to [`Server::run`](crate::sim::Server::run). With `None` no
-    /// fault is possible, not even through [`Handle::begin`](crate::sim::Handle::begin).
+    /// The faults, with times relative to [`Server::run`](crate::Server::run). With `None` no
+    /// fault is possible, not even through [`Handle::begin`](crate::Handle::begin).
     pub faults: Option<Vec<Fault>>,
     /// Simulates the TCP_USER_TIMEOUT of the client's system: a connection is reset when bytes
     /// towards the robot have been dropped for this long; `None` disables it.

@@ -19,10 +19,10 @@ use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Sill, Spot, Start, 
 use self::preset::Preset;
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
-use crate::sim::faults::FaultKind;
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
-use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::{self, DocumentError, number};
+use crate::document::{self, DocumentError, number};
+use crate::faults::FaultKind;
+use crate::geometry::obstacles::{Bump, Circle, Obstacles};
+use crate::geometry::{Point, Pose, Rectangle, Segment};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const BUILTIN: [(&str, &str); 9] = [
@@ -64,14 +64,17 @@ const LATEST: Duration = Duration::from_millis(1000);
 /// Steps of the delay, so that a robot that drives does not change it all the time.
 const STEPS: f64 = 20.0;
 
+/// A room with all that is in it, and what the robot is like.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
+    /// Title of the map.
     #[serde(default)]
     pub name: String,
     /// What the robot is like where this world does not say it.
     #[serde(default)]
     pub preset: Preset,
+    /// Outer walls and floor.
     pub room: Room,
     /// Inner walls, as high as the room.
     #[serde(default)]
@@ -88,6 +91,7 @@ pub struct World {
     /// Balls that lie on the floor.
     #[serde(default)]
     pub balls: Vec<Ball>,
+    /// Round columns.
     #[serde(default)]
     pub posts: Vec<Post>,
     /// Lines of tape on the floor.
@@ -105,6 +109,7 @@ pub struct World {
     /// Sound sources that the microphone hears besides the robot.
     #[serde(default)]
     pub sounds: Vec<Noise>,
+    /// Where the robot charges.
     pub station: Station,
     /// The robot's start pose; on the station if omitted.
     #[serde(default)]
@@ -115,6 +120,7 @@ pub struct World {
     /// How the battery drains and charges.
     #[serde(default)]
     pub battery: BatterySettings,
+    /// Lens, exposure and noise of the camera.
     #[serde(default)]
     pub camera: CameraSettings,
     /// How the tracks follow their commands, differ and slip.
@@ -126,6 +132,7 @@ pub struct World {
 }
 
 impl World {
+    /// Returns where the robot stands at first.
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
@@ -221,6 +228,7 @@ impl World {
         BUILTIN.iter().map(|(name, _)| *name)
     }
 
+    /// Returns the built-in world with this name.
     pub fn builtin(name: &str) -> Option<World> {
         World::from_yaml(World::builtin_yaml(name)?, &format!("{name}.yaml")).ok()
     }
@@ -246,19 +254,20 @@ impl World {
 
     /// Parses a world; `name` is the name of the text in errors, usually its file name.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
-        let mut world: World = yaml::read(text, name)?;
+        let mut world: World = document::read(text, name)?;
         let preset = world.preset;
         preset
             .complete(&mut world, text)
-            .map_err(|error| yaml::error(&error, name))?;
+            .map_err(|error| document::error(&error, name))?;
         validate::check(&world).map_err(|(path, message)| {
-            DocumentError::invalid(name, yaml::find(text, &path), message)
+            DocumentError::invalid(name, document::find(text, &path), message)
         })?;
         Ok(world)
     }
 
+    /// Reads a file; see [`World::from_yaml`].
     pub fn load(path: &Path) -> Result<World, DocumentError> {
-        yaml::load(path, "world", World::from_yaml)
+        document::load(path, "world", World::from_yaml)
     }
 }
 
@@ -267,9 +276,11 @@ pub(crate) fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
     if name.is_empty() { kind } else { name }
 }
 
+/// An access point and how far it reaches.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wifi {
+    /// The place of the access point.
     pub at: Spot,
     /// Distance up to which it reaches the robot, metres, in a straight line without walls.
     #[serde(deserialize_with = "number::reach")]
@@ -279,9 +290,9 @@ pub struct Wifi {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::world::settings::TrackResponse;
-    use crate::sim::world::station::DockingSettings;
-    use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
+    use crate::world::settings::TrackResponse;
+    use crate::world::station::DockingSettings;
+    use crate::world::validate::{MAX_LAMPS, MAX_OBJECTS};
 
     #[test]
     fn every_built_in_world_is_valid_and_has_a_description() {
@@ -517,7 +528,7 @@ mod tests {
                 "{more}{text}"
             );
         }
-        let long = "x".repeat(crate::sim::world::fixtures::MAX_TEXT + 1);
+        let long = "x".repeat(crate::world::fixtures::MAX_TEXT + 1);
         let text = fault(&format!(
             "signs: [{{at: [1, 1], heading_degrees: 0, text: {long}}}]\n"
         ));
@@ -554,9 +565,9 @@ mod tests {
             let text = format!("{ROOM}{STATION}{}\n", more.join("\n"));
             if let Ok(world) = World::from_yaml(&text, "random") {
                 let map = world.draw();
-                let mut robot = crate::sim::Robot::new(world, Default::default(), 1);
-                robot.execute(&crate::wire::Command::Stream { stream: crate::wire::Stream::Video, on: true });
-                robot.execute(&crate::wire::Command::Move { left: 90, right: 80 });
+                let mut robot = crate::Robot::new(world, Default::default(), 1);
+                robot.execute(&wire::Command::Stream { stream: wire::Stream::Video, on: true });
+                robot.execute(&wire::Command::Move { left: 90, right: 80 });
                 (0..20).for_each(|_| robot.step(std::time::Duration::from_millis(20)));
                 let pose = robot.state().pose;
                 proptest::prop_assert!(pose.x.is_finite() && pose.y.is_finite());

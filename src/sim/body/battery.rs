@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
+use wire::Power;
 
 use super::firmware::PowerWhileCharging;
-use crate::sim::world::settings::{BatterySettings, PowerReading};
-use crate::wire::Power;
+use crate::world::settings::{BatterySettings, PowerReading};
 
 /// Energy left, percent, and the voltage of the battery at rest, as a share of the range from 1.0 to
 /// 1.4 V a cell: an assumption from the discharge curves in data sheets of NiMH cells; no genuine

@@ -6,9 +6,9 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-use crate::sim::geometry::obstacles::{Bump, Obstacles};
-use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
-use crate::sim::world::settings::TrackSettings;
+use crate::geometry::obstacles::{Bump, Obstacles};
+use crate::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
+use crate::world::settings::TrackSettings;
 
 /// A track's speed at [`FULL_POWER`], metres per second.
 pub const FULL_SPEED: f64 = 0.45;
@@ -20,11 +20,14 @@ const ACCELERATION: f64 = 1.5;
 /// One value for each track.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Tracks<T> {
+    /// Of the left track.
     pub left: T,
+    /// Of the right track.
     pub right: T,
 }
 
 impl<T> Tracks<T> {
+    /// Creates the pair.
     pub const fn new(left: T, right: T) -> Tracks<T> {
         Tracks { left, right }
     }
@@ -207,7 +210,7 @@ impl TrackSlip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::world::World;
+    use crate::world::World;
     use std::f64::consts::PI;
 
     const TICK: Duration = Duration::from_millis(20);

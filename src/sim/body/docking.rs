@@ -10,9 +10,9 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 use super::chassis::Tracks;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
-use crate::sim::world::station::{DockingSettings, Leaves, Station};
+use crate::geometry::obstacles::Obstacles;
+use crate::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
+use crate::world::station::{DockingSettings, Leaves, Station};
 
 /// The whole manoeuvre, search included, ends without success after this time.
 const DOCKING_LIMIT: Duration = Duration::from_secs(150);
@@ -451,8 +451,8 @@ impl Contacts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::body::chassis::Chassis;
-    use crate::sim::world::World;
+    use crate::body::chassis::Chassis;
+    use crate::world::World;
 
     const TICK: Duration = Duration::from_millis(20);
 

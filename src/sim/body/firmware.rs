@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml::{self, DocumentError, number};
+use crate::document::{self, DocumentError, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
@@ -60,6 +60,7 @@ pub struct Firmware {
     /// Length of the uploaded music. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub music: Duration,
+    /// The version that AUTH_REPLY and CONFIG report.
     pub version: String,
 }
 
@@ -70,6 +71,7 @@ pub enum FirmwareBehaviour {
     /// The MOVE ends the manoeuvre, and the tracks follow it; MOVE 0 0 ends the manoeuvre too.
     #[default]
     Ends,
+    /// The MOVE has no effect.
     Ignored,
     /// The tracks follow the MOVE, and the manoeuvre continues from the next MOVE 0 0.
     Obeyed,
@@ -115,11 +117,12 @@ impl Firmware {
     /// Parses firmware settings from YAML; missing keys get their defaults. `name` is the name of
     /// the text in errors.
     pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, DocumentError> {
-        yaml::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
+        document::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
+    /// Reads a file; see [`Firmware::from_yaml`].
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
-        yaml::load(path, "description of a firmware", Firmware::from_yaml)
+        document::load(path, "description of a firmware", Firmware::from_yaml)
     }
 }
 

@@ -5,8 +5,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-
-use crate::wire::{FileChunk, parse_settings, to_latin1};
+use wire::{FileChunk, parse_settings, to_latin1};
 
 /// Maximum size of an upload in bytes; longer ones are discarded.
 const MAX_UPLOAD: usize = 4 << 20;
@@ -121,8 +120,9 @@ impl RobotLog {
 
 #[cfg(test)]
 mod tests {
+    use wire::{Sound, join_settings};
+
     use super::*;
-    use crate::wire::{Sound, join_settings};
 
     fn chunk(flags: u8, content: &'static [u8]) -> FileChunk {
         FileChunk::of_sound(Sound::User0, flags, Bytes::from_static(content)).unwrap()

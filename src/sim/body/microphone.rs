@@ -10,9 +10,9 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
 use super::speaker::Speaker;
-use crate::sim::geometry::Point;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::world::fixtures::{Noise, NoiseKind};
+use crate::geometry::Point;
+use crate::geometry::obstacles::Obstacles;
+use crate::world::fixtures::{Noise, NoiseKind};
 
 /// Samples per second.
 pub(crate) const RATE: u32 = 16_000;
@@ -215,8 +215,9 @@ impl Microphone {
 
 #[cfg(test)]
 mod tests {
+    use wire::Sound;
+
     use super::*;
-    use crate::wire::Sound;
 
     const TICK: Duration = Duration::from_millis(20);
 

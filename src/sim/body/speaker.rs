@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use crate::wire::Sound;
+use wire::Sound;
 
 /// The synthetic sound that replaces one of the robot's recordings, with a similar length and distinct
 /// from the others: its length in milliseconds, its frequency, the change of that from start to end

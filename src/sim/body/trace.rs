@@ -3,8 +3,9 @@
 
 use std::time::Duration;
 
-use crate::sim::geometry::{Point, Pose, wrap};
-use crate::wire::{Led, Sound};
+use wire::{Led, Sound};
+
+use crate::geometry::{Point, Pose, wrap};
 
 /// Maximum number of samples; at this number, every other one is dropped.
 const MAX_SAMPLES: usize = 16_384;
@@ -16,10 +17,12 @@ const TURN: f64 = 0.1;
 /// Metres per step; in a longer step the robot did not drive but was placed.
 const MAX_STEP: f64 = 0.1;
 
+/// A point of the path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sample {
     /// Simulated time since the start.
     pub at: Duration,
+    /// The robot's pose at that time.
     pub pose: Pose,
     /// The robot was placed here; it did not drive here from the previous sample.
     pub placed: bool,
@@ -32,30 +35,39 @@ pub struct TraceEvent {
     pub at: Duration,
     /// The robot's pose at that time.
     pub pose: Pose,
+    /// What happened.
     pub kind: TraceEventKind,
 }
 
+/// What can happen to a robot, as a map shows it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TraceEventKind {
     /// The robot ran into the thing with this name.
     Collision(String),
     /// The watchdog or a script commanded the robot to find its station.
     FindBase,
+    /// The robot touched the contacts of its station.
     Docked,
+    /// The robot left the contacts.
     Undocked,
     /// The robot gave up searching for its station.
     BaseNotFound,
+    /// PLAY: a sound other than that of the camera.
     Sound(Sound),
+    /// LED.
     Light {
+        /// Which light.
         led: Led,
+        /// Whether it is on now.
         on: bool,
     },
     /// The robot played the camera sound, which behaviours use when they keep a picture.
     Photo,
-    /// A note by an observer; see [`Handle::note`](crate::sim::Handle::note).
+    /// A note by an observer; see [`Handle::note`](crate::Handle::note).
     Note(String),
 }
 
+/// A robot's path and events so far.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
     samples: Vec<Sample>,
@@ -161,6 +173,7 @@ impl Trace {
         self.missed
     }
 
+    /// Returns the simulated time of the trace.
     pub fn duration(&self) -> Duration {
         self.now.at
     }

@@ -8,10 +8,10 @@ use super::light::{Grid, Lighting, light};
 use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Level, Pixel, Texture, between, lit};
 use super::view::{View, flash, lamps};
-use crate::sim::geometry::Point;
-use crate::sim::world::World;
-use crate::sim::world::fixtures::Tape;
-use crate::sim::world::objects::{self, Rug};
+use crate::geometry::Point;
+use crate::world::World;
+use crate::world::fixtures::Tape;
+use crate::world::objects::{self, Rug};
 
 /// Number of columns that share one sample of the light on the floor; a canvas is a multiple of it
 /// wide.

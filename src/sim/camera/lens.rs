@@ -3,11 +3,12 @@
 //! the radius, p1 and p2 aside too. Shares no code with `vision`, which corrects all this, so that an
 //! error in one is not masked by the same error in the other.
 
+use vision::Camera;
+
 use super::floor::PATCH;
 use super::texture::{Pixel, mix};
 use super::view::{Canvas, HEIGHT, WIDTH};
-use crate::sim::world::settings::CameraSettings;
-use crate::vision::Camera;
+use crate::world::settings::CameraSettings;
 
 /// Most steps to find where the distortion comes from, and the error, in focal lengths, at which the
 /// search ends.

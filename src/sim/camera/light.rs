@@ -1,9 +1,9 @@
 //! Brightness and colour of the light in a world: daylight, and lamps that switch by schedule.
 
-use crate::sim::geometry::Point;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::world::World;
-use crate::sim::world::fixtures::Lamp;
+use crate::geometry::Point;
+use crate::geometry::obstacles::Obstacles;
+use crate::world::World;
+use crate::world::fixtures::Lamp;
 
 use super::texture::Pixel;
 

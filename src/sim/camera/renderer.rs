@@ -9,8 +9,8 @@ use super::scene::{Hit, RoundKind, Scene, Thing};
 use super::surface::{Rgb, Surface, scaled};
 use super::texture::{Pixel, lit, motion_blur};
 use super::view::{Canvas, Column, HEIGHT, View, lamps};
-use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::World;
+use crate::geometry::{Point, Pose};
+use crate::world::World;
 
 const CEILING: Pixel = [224, 223, 218, 0];
 /// Maximum length of the motion blur, pixels.

@@ -6,11 +6,11 @@ use qrcode::{Color, QrCode};
 use super::surface::{Rgb, Surface, SurfacePoint, rgb};
 use super::texture::Texture;
 use super::view::View;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Rectangle, Segment};
-use crate::sim::world::fixtures::{Sign, qr_code};
-use crate::sim::world::objects::Paint;
-use crate::sim::world::{World, station};
+use crate::geometry::obstacles::Obstacles;
+use crate::geometry::{Point, Rectangle, Segment};
+use crate::world::fixtures::{Sign, qr_code};
+use crate::world::objects::Paint;
+use crate::world::{World, station};
 
 /// Depth of the near plane: nothing nearer is drawn, metres.
 const NEAR: f32 = 0.01;
@@ -336,7 +336,7 @@ fn sign_texture(code: &QrCode, sign: &Sign) -> Texture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::camera::view::WIDTH;
+    use crate::camera::view::WIDTH;
 
     #[test]
     fn slopes_cover_the_part_ahead_of_the_camera() {

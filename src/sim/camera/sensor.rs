@@ -2,7 +2,7 @@
 
 use super::texture::{Pixel, between};
 use super::view::{HEIGHT, WIDTH};
-use crate::sim::world::settings::CameraSettings;
+use crate::world::settings::CameraSettings;
 
 /// Bytes of a row.
 const STRIDE: usize = WIDTH * 4;

@@ -2,7 +2,7 @@
 //! station. Everything except balls, posts and colours set in the world file is pale, so that a
 //! behaviour that searches for a colour finds only the things meant to have it.
 
-use crate::sim::world::objects::{Decor, Paint};
+use crate::world::objects::{Decor, Paint};
 
 /// A colour under full light, 0..=255 for each of red, green and blue.
 pub(crate) type Rgb = [f32; 3];

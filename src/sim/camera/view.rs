@@ -1,7 +1,7 @@
 //! The camera's pose and projection: the direction of each column, the row of each height, and the
 //! light reflected from a distance.
 
-use crate::sim::geometry::{Point, Pose};
+use crate::geometry::{Point, Pose};
 
 /// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const WIDTH: usize = 320;

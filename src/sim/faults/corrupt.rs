@@ -3,9 +3,9 @@
 use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt};
+use wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
 
 use super::{Fault, FaultKind};
-use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
 
 /// Position of the payload's length in a header (`PROTOCOL.md`, *TCP messages*).
 const LENGTH: std::ops::Range<usize> = 3..5;

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use serde::{Deserialize, Deserializer};
+use wire::Refusal;
+use yaml::parsed_text;
 
 use super::{Direction, Fault, FaultKind, Timing};
-use crate::sim::yaml::{self, DocumentError, Step, number};
-use crate::wire::Refusal;
-use crate::yaml::parsed_text;
+use crate::document::{self, DocumentError, Step, number};
 
 /// Maximum number of faults in a list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
@@ -22,9 +22,10 @@ struct Document {
 impl Fault {
     /// Parses a list of faults; `name` is the name of the text in errors, usually its file name.
     pub fn list_from_yaml(text: &str, name: &str) -> Result<Vec<Fault>, DocumentError> {
-        let invalid =
-            |path: &[Step], message| DocumentError::invalid(name, yaml::find(text, path), message);
-        let Document { faults } = yaml::read(text, name)?;
+        let invalid = |path: &[Step], message| {
+            DocumentError::invalid(name, document::find(text, path), message)
+        };
+        let Document { faults } = document::read(text, name)?;
         if faults.len() > MAX_FAULTS {
             let message = format!("{} faults are too many: at most {MAX_FAULTS}", faults.len());
             return Err(invalid(&[Step::Key("faults")], message));
@@ -38,8 +39,9 @@ impl Fault {
         Ok(faults.iter().map(Entry::fault).collect())
     }
 
+    /// Reads a file; see [`Fault::list_from_yaml`].
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
-        yaml::load(path, "list of faults", Fault::list_from_yaml)
+        document::load(path, "list of faults", Fault::list_from_yaml)
     }
 }
 

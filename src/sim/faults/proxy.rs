@@ -14,7 +14,6 @@ use tokio::time::{Instant, sleep, sleep_until, timeout};
 use super::corrupt::{Section, Splitter};
 use super::scheduler::{ActiveFaults, FaultFeed};
 use super::{Direction, Fault, FaultKind, corrupt};
-use crate::clock::until;
 
 /// When one end has closed, the other one gets this long to close too.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -149,6 +148,7 @@ impl ProxyDirection {
     ) {
         let mut buffer = vec![0; READ_LEN];
         loop {
+            let due = self.given_up;
             let writes = tokio::select! {
                 biased;
                 received = self.beginnings.recv() => match received {
@@ -156,7 +156,7 @@ impl ProxyDirection {
                     Err(broadcast::error::RecvError::Lagged(_)) => vec![],
                     Err(broadcast::error::RecvError::Closed) => return,
                 },
-                () = until(self.given_up) => {
+                () = sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
                     send(&queue, vec![QueuedWrite::Reset]).await;
                     return;
                 }
@@ -387,8 +387,8 @@ impl ThrottledWriter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::faults::scheduler::FaultScheduler;
-    use crate::sim::faults::{Fault, FaultKind, Timing};
+    use crate::faults::scheduler::FaultScheduler;
+    use crate::faults::{Fault, FaultKind, Timing};
     use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
     use tokio::time::{Instant, sleep};

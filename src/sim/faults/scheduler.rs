@@ -40,7 +40,7 @@ pub(crate) struct FaultFeed {
     /// Each fault when it begins; how momentary ones take effect.
     pub(crate) beginnings: broadcast::Receiver<Fault>,
     pub(crate) seed: u64,
-    /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
+    /// See [`Options::unacknowledged`](crate::Options::unacknowledged).
     pub(crate) unacknowledged: Option<Duration>,
 }
 
@@ -198,7 +198,7 @@ impl ScheduledFault {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::faults::Timing;
+    use crate::faults::Timing;
 
     const SECOND: Duration = Duration::from_secs(1);
 

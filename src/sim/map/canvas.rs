@@ -8,7 +8,7 @@ use tiny_skia::{
     Transform,
 };
 
-use crate::sim::geometry::Point;
+use crate::geometry::Point;
 
 /// Red, green, blue and opacity.
 pub(crate) type Ink = [u8; 4];

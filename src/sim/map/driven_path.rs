@@ -3,10 +3,10 @@
 use image::RgbImage;
 
 use super::canvas::{Ink, MapCanvas, Pixel, TextStyle};
-use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind as Kind};
-use crate::sim::geometry::{Point, RADIUS};
-use crate::sim::map;
-use crate::sim::world::World;
+use crate::body::trace::{Sample, Trace, TraceEvent, TraceEventKind as Kind};
+use crate::geometry::{Point, RADIUS};
+use crate::map;
+use crate::world::World;
 
 /// Width of the legend beside the map, pixels.
 const BESIDE: u32 = 320;

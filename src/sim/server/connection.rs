@@ -12,8 +12,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-
-use crate::wire::{Command, Decoder, FramingError, Report};
+use wire::{Command, Decoder, FramingError, Report};
 
 const READ_LEN: usize = 8 * 1024;
 /// Minimum time between two messages.
@@ -304,8 +303,9 @@ impl Queue {
 
 #[cfg(test)]
 mod tests {
+    use wire::{Accepted, Power};
+
     use super::*;
-    use crate::wire::{Accepted, Power};
 
     fn frame(byte: u8) -> Report {
         Report::Video(Bytes::from(vec![byte; 100]))

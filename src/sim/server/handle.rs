@@ -6,14 +6,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
+use wire::{Command, Report};
 
 use super::connection::Transport;
-use crate::sim::body::trace::{Trace, TraceEventKind};
-use crate::sim::body::{Robot, State};
-use crate::sim::faults::Fault;
-use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::World;
-use crate::wire::{Command, Report};
+use crate::body::trace::{Trace, TraceEventKind};
+use crate::body::{Robot, State};
+use crate::faults::Fault;
+use crate::geometry::{Point, Pose};
+use crate::world::World;
 
 /// Capacity of the request queue; further requests are dropped with a warning.
 const MAX_REQUESTS: usize = 256;
@@ -245,6 +245,7 @@ pub struct ReceivedCommand {
     pub write: u64,
     /// Index of the connection, from 0.
     pub client: u64,
+    /// The command as received.
     pub command: Command,
 }
 

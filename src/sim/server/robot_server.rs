@@ -11,17 +11,17 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
+use wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 use super::connection::{Channels, Event, ReportQueue, Transport};
 use super::handle::{Ends, ReceivedCommand, Request};
 use super::{Options, connection, handle};
-use crate::sim::body::Robot;
-use crate::sim::body::firmware::Firmware;
-use crate::sim::faults::proxy::Breaker;
-use crate::sim::faults::scheduler::{FaultScheduler, Transition};
-use crate::sim::faults::{Fault, FaultKind, proxy};
-use crate::sim::geometry::Pose;
-use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
+use crate::body::Robot;
+use crate::body::firmware::Firmware;
+use crate::faults::proxy::Breaker;
+use crate::faults::scheduler::{FaultScheduler, Transition};
+use crate::faults::{Fault, FaultKind, proxy};
+use crate::geometry::Pose;
 
 pub(crate) const STEP: Duration = Duration::from_millis(20);
 /// Maximum number of steps to catch up at once after a delay; time beyond that is lost.

@@ -10,9 +10,9 @@ use std::time::Duration;
 use socket2::{Domain, Protocol, Socket, Type};
 use tokio::io::ReadBuf;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use wire::discovery;
 
-use crate::sim::faults::proxy::Breaker;
-use crate::wire::discovery;
+use crate::faults::proxy::Breaker;
 
 /// Number of attempts to find a port that is free for both TCP and UDP.
 const PORT_TRIES: usize = 16;

@@ -3,8 +3,8 @@
 
 use super::objects::{Route, Spot};
 use super::{World, name_or};
-use crate::sim::geometry::obstacles::{Bump, Circle, Obstacles};
-use crate::sim::geometry::{Point, Pose, RADIUS};
+use crate::geometry::obstacles::{Bump, Circle, Obstacles};
+use crate::geometry::{Point, Pose, RADIUS};
 
 /// Deceleration of a rolling ball, metres per second squared.
 const FRICTION: f64 = 0.35;

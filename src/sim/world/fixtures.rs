@@ -6,8 +6,8 @@ use qrcode::QrCode;
 use serde::Deserialize;
 
 use super::objects::{Paint, Spot};
-use crate::sim::geometry::Point;
-use crate::sim::yaml::number;
+use crate::document::number;
+use crate::geometry::Point;
 
 /// A line of tape on the floor: straight legs with rounded corners.
 #[derive(Debug, Clone, Deserialize)]
@@ -18,6 +18,7 @@ pub struct Tape {
     /// Width in metres.
     #[serde(default = "tape_width", deserialize_with = "number::tape")]
     pub width: f64,
+    /// Colour of the tape.
     pub colour: Paint,
     /// Radius of the rounded corners, metres; limited by the length of the legs.
     #[serde(default, deserialize_with = "number::rounding")]
@@ -31,6 +32,7 @@ pub struct Tape {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
+    /// Its name on the map.
     #[serde(default)]
     pub name: String,
     /// The place above which it hangs.
@@ -76,9 +78,12 @@ pub struct Sign {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
+    /// Its name on the map.
     #[serde(default)]
     pub name: String,
+    /// The place of the source.
     pub at: Spot,
+    /// How it sounds.
     #[serde(default)]
     pub kind: NoiseKind,
     /// Frequency of a tone, or 100 times the rate of knocks, hertz.
@@ -95,12 +100,16 @@ pub struct Noise {
     pub off: Option<Schedule>,
 }
 
+/// How a sound source sounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseKind {
+    /// A pure tone.
     #[default]
     Tone,
+    /// Noise of all frequencies.
     Hiss,
+    /// Short knocks.
     Knock,
 }
 

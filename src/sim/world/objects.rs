@@ -3,10 +3,9 @@
 use serde::{Deserialize, Deserializer};
 
 use super::fixtures::Tape;
-use crate::sim::geometry::obstacles::Bump;
-use crate::sim::geometry::{Point, Pose, Rectangle, Segment};
-use crate::sim::yaml::number;
-use crate::yaml;
+use crate::document::number;
+use crate::geometry::obstacles::Bump;
+use crate::geometry::{Point, Pose, Rectangle, Segment};
 
 /// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
 #[derive(Debug, Clone, Deserialize)]
@@ -27,13 +26,16 @@ pub struct Room {
     /// Colour of the walls.
     #[serde(default = "wall_paint")]
     pub walls: Paint,
+    /// What the walls have on them.
     #[serde(default)]
     pub decor: Decor,
 }
 
+/// The pattern of a floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Floor {
+    /// Brown boards with grain and seams.
     #[default]
     Wood,
     /// Light and dark squares.
@@ -44,6 +46,7 @@ pub enum Floor {
     GlossyTiles,
 }
 
+/// What the walls have on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Decor {
@@ -54,6 +57,7 @@ pub enum Decor {
     Laboratory,
 }
 
+/// A straight inner wall.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -66,9 +70,11 @@ pub struct Wall {
     pub thickness: f64,
 }
 
+/// A box on the floor.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Furniture {
+    /// Its centre.
     pub at: Spot,
     /// Size along its heading, metres.
     #[serde(deserialize_with = "number::side")]
@@ -82,14 +88,18 @@ pub struct Furniture {
     /// Its heading, degrees.
     #[serde(default, deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
+    /// Colour of all sides.
     pub colour: Paint,
+    /// Its name on the map and in collisions.
     #[serde(default)]
     pub name: String,
 }
 
+/// A carpet, parallel to the walls.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rug {
+    /// Its centre.
     pub at: Spot,
     /// Size along x, metres.
     #[serde(deserialize_with = "number::side")]
@@ -97,6 +107,7 @@ pub struct Rug {
     /// Size along y, metres.
     #[serde(deserialize_with = "number::side")]
     pub depth: f64,
+    /// Its main colour.
     pub colour: Paint,
     /// Height of its edge, metres: it slows a robot, or blocks one with little power.
     #[serde(default, deserialize_with = "number::bump")]
@@ -109,14 +120,17 @@ pub struct Rug {
 pub struct Sill {
     /// One of its ends.
     pub from: Spot,
+    /// The other end.
     pub to: Spot,
     /// Height in metres.
     #[serde(deserialize_with = "number::bump")]
     pub height: f64,
+    /// Colour of the bar.
     #[serde(default = "sill_paint")]
     pub colour: Paint,
 }
 
+/// A ball, which a robot pushes.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
@@ -125,15 +139,18 @@ pub struct Ball {
     /// Radius in metres.
     #[serde(default = "ball_radius", deserialize_with = "number::radius")]
     pub radius: f64,
+    /// Colour of the ball.
     pub colour: Paint,
     /// The route along which it rolls.
     #[serde(default)]
     pub path: Option<Route>,
 }
 
+/// A round column.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Post {
+    /// The centre of its foot.
     pub at: Spot,
     /// Radius in metres.
     #[serde(default = "post_radius", deserialize_with = "number::radius")]
@@ -141,6 +158,7 @@ pub struct Post {
     /// Height in metres.
     #[serde(default = "post_height", deserialize_with = "number::height")]
     pub height: f64,
+    /// Colour of the column.
     pub colour: Paint,
 }
 
@@ -260,9 +278,11 @@ fn post_height() -> f64 {
     0.6
 }
 
+/// Where the robot stands at first.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
+    /// The place of its centre.
     pub at: Spot,
     /// Heading in degrees, left positive; 0 is along x.
     #[serde(default, deserialize_with = "number::degrees")]
@@ -270,6 +290,7 @@ pub struct Start {
 }
 
 impl Start {
+    /// Returns it as a pose.
     pub fn pose(&self) -> Pose {
         Pose::at(self.at.point(), self.heading_degrees.to_radians())
     }
@@ -283,6 +304,7 @@ pub struct Spot([Coordinate; 2]);
 struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
 
 impl Spot {
+    /// Returns it as a point.
     pub fn point(self) -> Point {
         Point::new(self.0[0].0, self.0[1].0)
     }
@@ -352,6 +374,7 @@ pub struct Route {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
+    /// Their name on the map and in collisions.
     #[serde(default)]
     pub name: String,
     /// Their place without a `path`, or their start with one.

@@ -68,7 +68,7 @@ fn add_missing(given: &mut Value, usual: Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::world::settings::PowerReading;
+    use crate::world::settings::PowerReading;
 
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
     const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";

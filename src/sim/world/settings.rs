@@ -2,9 +2,9 @@
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
+use vision::{Camera, Subsampling};
 
-use crate::sim::yaml::number;
-use crate::vision::{Camera, Subsampling};
+use crate::document::number;
 
 /// How the battery drains and charges. With the defaults it lasts hours, as on a real robot.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]

@@ -6,9 +6,9 @@ use std::f64::consts::PI;
 use serde::Deserialize;
 
 use super::objects::Spot;
-use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
-use crate::sim::yaml::number;
+use crate::document::number;
+use crate::geometry::obstacles::Obstacles;
+use crate::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
 
 /// Depth of the station's body, from back to front, metres.
 const DEPTH: f64 = 0.10;
@@ -28,6 +28,7 @@ const GLOW: f64 = 0.8;
 const CONTACT_CLOSES: [f64; 3] = [0.015, 0.04, 0.2];
 const CONTACT_OPENS: [f64; 3] = [0.05, 0.07, 0.35];
 
+/// The charging station: a box with a beacon and contacts at its front.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
@@ -118,6 +119,7 @@ impl Station {
         self.heading_degrees.to_radians()
     }
 
+    /// Returns the pose of a robot that touches the contacts.
     pub fn dock_pose(&self) -> Pose {
         self.in_front(DEPTH + GAP + RADIUS)
     }
@@ -137,6 +139,7 @@ impl Station {
         wrap(self.heading() + PI)
     }
 
+    /// Returns the corners of its body.
     pub fn outline(&self) -> [Point; 4] {
         self.footprint().corners()
     }

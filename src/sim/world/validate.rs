@@ -4,8 +4,8 @@
 use super::World;
 use super::fixtures::{MAX_TEXT, qr_code};
 use super::objects::Spot;
-use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::yaml::Step::{self, Index, Key};
+use crate::document::Step::{self, Index, Key};
+use crate::geometry::{Point, Pose, RADIUS};
 
 /// Maximum number of things of one kind, and of corners of one line or path; each takes time in
 /// every frame.

@@ -2,6 +2,7 @@
 //! parser's time grows with the square of the depth of nesting, so a text that nests deeper than
 //! any valid one is refused. Also reads texts so that errors have their position, and puts the
 //! parser's errors into plain words.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 use std::fmt;
 

@@ -4,24 +4,33 @@
 use std::fmt;
 use std::path::Path;
 
+use files::ReadError;
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess,
     Visitor,
 };
 
-use crate::files::ReadError;
-use crate::{files, yaml};
-
+/// Why a file or text cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum DocumentError {
+    /// The file cannot be read.
     #[error("cannot read the {kind} {name}: {source}")]
     Read {
+        /// What it should be, such as "world".
         kind: &'static str,
+        /// The path.
         name: String,
+        /// Why.
         source: std::io::Error,
     },
+    /// The file is longer than any valid one.
     #[error("{name} is longer than {} bytes: is it a {kind}?", yaml::MAX_LEN)]
-    TooLong { kind: &'static str, name: String },
+    TooLong {
+        /// What it should be, such as "world".
+        kind: &'static str,
+        /// The path.
+        name: String,
+    },
     /// The YAML is not a valid document of the expected kind.
     #[error("{name}:{line}:{column}: {message}")]
     Invalid {

@@ -1,6 +1,7 @@
 //! Access to untrusted files and folders. Reads only regular files of bounded length: a pipe, a
 //! device or a folder is an error and never blocks. An opened [`Folder`] is never left: no symbolic
 //! link in it is followed, even if the disk changes meanwhile.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 use std::collections::BTreeSet;
 use std::fs::{DirBuilder, File};
