@@ -63,6 +63,7 @@ use serde::Serialize;
 pub use connection::{ConnectionArgs, LoginArgs};
 pub use console::{Console, LogFormat};
 pub use failure::{Exit, Failure};
+use logging::Detail;
 use settings::CommandSettings;
 
 /// Timeout for writing the last lines to a blocked stderr at exit.
@@ -244,9 +245,9 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format| {
+    let start_logging = |console: &Console, format, detail| {
         report_panics(console.clone());
-        logging::start(console, format);
+        logging::start(console, format, detail);
     };
     execute(cli, Console::start, start_logging).into()
 }
@@ -300,7 +301,7 @@ fn exit_of(error: &clap::Error) -> Exit {
 fn execute<Guard>(
     cli: Cli,
     start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat) -> Guard,
+    start_logging: impl FnOnce(&Console, LogFormat, Detail) -> Guard,
 ) -> Exit {
     let named = match cli.command {
         Command::Service(_) => None,
@@ -312,7 +313,11 @@ fn execute<Guard>(
     let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format);
+    let detail = match cli.command {
+        Command::Serve(_) => Detail::Service,
+        _ => Detail::Full,
+    };
+    let _logging = start_logging(&console, format, detail);
     let usable = if cli.command.uses_settings() {
         settings.warn_about_variables();
         Ok(())

@@ -121,6 +121,24 @@ async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_r
     ends_well(&mut next).await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_of_a_service_has_what_behaviours_say_and_not_each_light_and_sound() {
+    let rig = Rig::quiet().await;
+    let blink = "robot.led('left', true) robot.play('laser') log.info('blinked') task.wait(600)";
+    rig.file("blink.lua", blink);
+    config(&rig, "", "behaviours:\n- file: blink.lua\n");
+    let mut run = serve(&rig);
+    run.says("blinked").await;
+    rig.heard(0, |command| *command == Command::Play(Sound::Laser))
+        .await;
+    ends_well(&mut run).await;
+    let text = run.text();
+    assert!(
+        !text.contains("left light") && !text.contains("plays laser"),
+        "{text}"
+    );
+}
+
 /// The file that records what is under way.
 fn record(rig: &Rig) -> String {
     let path = rig.folder().join("spykee-data/schedule.json");
