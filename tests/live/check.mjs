@@ -653,6 +653,19 @@ const promises = {
       await keep(page, `lying-${width}`);
       await page.mouse.up();
       await observer.rests();
+      // The arrows are below the picture: they cover nothing of it.
+      const arrow = button(page, "Left");
+      const place = await arrow.evaluate((element) => element.getBoundingClientRect().top + scrollY);
+      if (place < height) {
+        throw new Error(`${width}x${height}: the arrows cover the picture: ${place}`);
+      }
+      await arrow.scrollIntoViewIfNeeded();
+      await arrow.hover();
+      await page.mouse.down();
+      await observer.moves(true);
+      await page.mouse.up();
+      await observer.rests();
+      await page.evaluate(() => scrollTo(0, 0));
       await stop.tap();
       const again = button(page, "Let it move again");
       await inView(page, `${width}x${height}: stopped`, { again, stop, words: page.getByRole("alert").getByText(/^Stopped/) });
@@ -733,6 +746,16 @@ const promises = {
     const { start_url, display, icons } = JSON.parse(data);
     if (start_url !== "/" || display !== "standalone" || icons.length === 0) {
       throw new Error(data);
+    }
+    // iOS takes its icon from the page, and draws no SVG.
+    const icon = await page.evaluate(async () => {
+      const image = new Image();
+      image.src = document.querySelector("link[rel=apple-touch-icon]").href;
+      await image.decode();
+      return [image.naturalWidth, image.naturalHeight, image.src.endsWith(".png")];
+    });
+    if (String(icon) !== "180,180,true") {
+      throw new Error(`an icon for iOS: ${icon}`);
     }
     clean(page);
     await page.context().close();
