@@ -23,7 +23,7 @@ use crate::clock::{self, Clock, Zone};
 use crate::control::{self, Change};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
+use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS, Setpoint};
 use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
@@ -41,6 +41,9 @@ pub(super) struct Executor {
     orders: Orders,
     /// The behaviours that were not idle at the last poll.
     running: BTreeSet<String>,
+    /// A behaviour has ended and the robot was not on its station since: it goes home although those
+    /// that are always on go on.
+    owes_return: bool,
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
     /// The order that sends the idle robot to its station.
@@ -79,6 +82,7 @@ impl Executor {
             service_plan,
             orders: Orders::new(roster),
             running: BTreeSet::new(),
+            owes_return: false,
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
@@ -142,9 +146,18 @@ impl Executor {
             self.act(act);
         }
         self.check_clock(now);
+        self.owes_return &= !status.docked;
+        let is_permanent = |name: &String| self.service_plan.always.contains(name);
+        let waits_for_runs = if self.owes_return {
+            !running.iter().all(is_permanent)
+        } else {
+            !running.is_empty()
+        };
         let inputs = idle::IdleInputs {
             now: at,
-            busy: !running.is_empty() || !self.orders.is_empty() || self.planner.is_due(),
+            busy: waits_for_runs || !self.orders.is_empty() || self.planner.is_due(),
+            runs: !running.is_empty(),
+            moving: status.actuators.tracks != Setpoint::STOP,
             link: status.link,
             docked: status.docked,
             low: status.low,
@@ -169,6 +182,7 @@ impl Executor {
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
         drop(statuses);
         for name in self.running.difference(&running) {
+            self.owes_return |= !self.service_plan.always.contains(name);
             if !self.orders.has(name) {
                 self.planner.ended(name);
             }
@@ -297,7 +311,7 @@ impl Executor {
                 }
             }
             IdleAction::Dock => {
-                info!("no behaviour runs and the robot is off its station: sending it there");
+                info!("nothing is under way and the robot is off its station: sending it there");
                 self.docking_task = Some(self.orders.send_home(self.requests.clone()));
             }
         }

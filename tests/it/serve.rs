@@ -278,6 +278,27 @@ async fn an_idle_robot_is_sent_home() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn after_a_run_the_robot_goes_home_although_a_guard_is_always_on() {
+    let rig = Rig::quiet().await;
+    rig.file("watch.lua", "while true do task.wait(1) end");
+    rig.file("go.lua", "robot.move(30, 30, 0.3)");
+    let behaviours = "behaviours:\n- file: watch.lua\n- { file: go.lua, start: asked }\n";
+    config(&rig, "idle_after: 1s", behaviours);
+    let mut run = serve(&rig);
+    run.says("connected").await;
+    succeed(&rig, &["behaviour", "start", "go"]).await;
+    let moved = rig.heard_motion(0).await;
+    rig.heard_dock(moved).await;
+    let home = rig.sim.wait_state(|state| state.docked);
+    timeout(WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
+    let text = succeed(&rig, &["status"]).await;
+    assert_contains(&text, &["watch"]);
+    ends_well(&mut run).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_request() {
     let rig = at_home().await;
     rig.file("asked.lua", "robot.volume(44) task.wait(600)");

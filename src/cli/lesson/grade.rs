@@ -134,10 +134,10 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded
     // An error names the file that was handed in, not the copy that was played.
     let shown = file.display().to_string();
     let copy = played.display().to_string();
-    let missing = missing(&marks).into_iter();
+    let sentences = missing(&marks).into_iter();
     graded
         .missing
-        .extend(missing.map(|words| words.replace(&copy, &shown)));
+        .extend(sentences.map(|words| words.replace(&copy, &shown)));
     graded.text = Some(text);
     Ok(graded)
 }
