@@ -194,10 +194,13 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
         })
     };
     let ca = options.ca_file.as_ref().map(certificates).transpose()?;
+    let listen = settings.config.live.listen.map(address_for_others);
+    let listen = listen.filter(|address| !address.ip().is_loopback());
     Ok(Some(Account {
         options,
         password,
         ca,
+        page: listen.map(|address| format!("http://{address}/")),
     }))
 }
 

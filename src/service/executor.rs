@@ -413,6 +413,7 @@ impl Executor {
                 behaviour: run.to_owned(),
             }),
             quiet: self.quiet != Quiet::Off,
+            always: self.service_plan.always.clone(),
         };
         self.view.send_if_modified(|shown| {
             let news = *shown != view;
