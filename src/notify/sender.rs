@@ -1,6 +1,6 @@
 //! The task of one target: sends the messages in its queue, with growing pauses after failures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 

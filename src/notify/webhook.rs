@@ -195,6 +195,7 @@ mod tests {
             text: "somebody is there".to_owned(),
             robot: "Rover".to_owned(),
             at: 0,
+            time: String::new(),
             picture: Some("data/guard/1.jpg".into()),
         }
     }
