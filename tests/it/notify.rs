@@ -13,8 +13,8 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, state_of};
 
 /// A request as it arrived.
 #[derive(Debug, Clone)]
-struct ReceivedRequest {
-    head: String,
+pub struct ReceivedRequest {
+    pub head: String,
     body: Vec<u8>,
 }
 
@@ -68,7 +68,7 @@ impl Webhook {
         Webhook { address, asked }
     }
 
-    fn asked(&self) -> Vec<ReceivedRequest> {
+    pub fn asked(&self) -> Vec<ReceivedRequest> {
         self.asked.lock().unwrap().clone()
     }
 
