@@ -42,6 +42,7 @@ mod status;
 mod table;
 mod test;
 mod token;
+mod usable;
 mod world;
 
 use std::cell::RefCell;
@@ -203,7 +204,7 @@ impl Command {
             Command::Discover(args) => discover::run(&args),
             Command::Robot(args) => robot::run(&args, settings, console),
             Command::Calibrate(args) => calibrate::run(&args, settings),
-            Command::Doctor(args) => doctor::run(&args, settings),
+            Command::Doctor(args) => doctor::run(&args, settings, console),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, settings, console),
             Command::Check(args) => check::run(&args, settings),
@@ -212,7 +213,7 @@ impl Command {
             Command::Api(args) => api::run(&args),
             Command::Sim(args) => sim::run(&args, console),
             Command::Colour(args) => colour::run(&args, settings, console),
-            Command::Config(args) => config::run(&args, settings),
+            Command::Config(args) => config::run(&args, settings, console),
             Command::Completions(args) => completions::run(&args, command()),
         }
     }

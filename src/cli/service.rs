@@ -102,7 +102,7 @@ impl UnitArgs {
 
 /// The files with secrets that the config names, if it can be read. systemd passes them to the service,
 /// whose user could not read files of root.
-fn secrets(file: &Path) -> Vec<PathBuf> {
+pub(super) fn secrets(file: &Path) -> Vec<PathBuf> {
     let Ok(config) = Config::load(file) else {
         return Vec::new();
     };
