@@ -102,7 +102,7 @@ pub(super) struct HistoryEvent {
     pub behaviour: String,
     /// The result, the action of the watchdog, or the reason.
     pub code: String,
-    /// A text, possibly empty; for a picture, its file name.
+    /// A text, such as who wanted it, possibly empty; for a picture, its file name.
     pub text: String,
 }
 
@@ -271,7 +271,7 @@ fn event(record: &Record) -> HistoryEvent {
     };
     let text = match record.kind() {
         "picture" => name(record.text("path")).unwrap_or_default(),
-        _ => record.text("message").to_owned(),
+        _ => first(&["message", "by"]).unwrap_or_default().to_owned(),
     };
     HistoryEvent {
         at: record.at.as_millisecond(),

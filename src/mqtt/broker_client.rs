@@ -579,7 +579,7 @@ async fn perform(run: &Run, request: RunRequest) -> RunResponse {
     let response = run.perform(request, BROKER).await;
     // A stop also ends all behaviours.
     if let RunResponse::Stopped { outcome, .. } = &response
-        && let Err(why) = run.end_behaviours().await
+        && let Err(why) = run.end_behaviours(BROKER).await
     {
         let error = format!("{outcome}; but {why}");
         return RunResponse::Refused { error };

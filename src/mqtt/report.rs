@@ -47,7 +47,7 @@ impl Report {
             AgentEvent::StopEngaged { by } => self.stopped_by = Some(by.clone()),
             AgentEvent::StopReset { .. } => self.stopped_by = None,
             AgentEvent::Watchdog { docked: true, .. } => self.dock = None,
-            AgentEvent::Started { behaviour } => {
+            AgentEvent::Started { behaviour, .. } => {
                 self.failures.remove(behaviour);
             }
             AgentEvent::Ended {
@@ -234,6 +234,7 @@ mod tests {
             reason,
             message: Some("patrol.lua:3: no".to_owned()),
             seconds: 1.0,
+            by: None,
         }
     }
 
@@ -300,7 +301,10 @@ mod tests {
         let state = report.state(&lost, &[], &View::default());
         assert_eq!(state["reason"], "the robot is out of reach: no answer");
         let behaviour = "patrol".to_owned();
-        report.record_event(&AgentEvent::Started { behaviour });
+        report.record_event(&AgentEvent::Started {
+            behaviour,
+            by: None,
+        });
         assert_eq!(
             report.state(&free, &[], &View::default())["reason"],
             Value::Null

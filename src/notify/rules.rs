@@ -261,6 +261,7 @@ mod tests {
             reason: EndReason::Error,
             message: Some("a.lua:3: no".to_owned()),
             seconds: 1.0,
+            by: None,
         }
     }
 

@@ -207,7 +207,7 @@ impl Executor {
         let waiting = self.waiting.iter().filter(|name| !self.orders.has(name));
         let waiting: Vec<String> = waiting.cloned().collect();
         for name in waiting {
-            self.orders.give(Change::Start, name);
+            self.orders.give(Change::Start, name, "always on");
         }
     }
 
@@ -228,7 +228,7 @@ impl Executor {
             Act::Start(due) => self.start(due),
             Act::End { run } => {
                 info!(behaviour = run, "its time is over");
-                self.orders.give(Change::Stop, run);
+                self.orders.give(Change::Stop, run, "its time is over");
             }
             Act::ReportMissed {
                 run,
@@ -279,7 +279,7 @@ impl Executor {
         };
         let planned = self.describe(due.planned);
         info!(behaviour = run, "{doing} {planned}");
-        self.orders.give(Change::Start, run);
+        self.orders.give(Change::Start, run, "the timetable");
     }
 
     fn report_missed(&self, run: &str, reason: impl Into<String>) {
@@ -378,7 +378,7 @@ impl Executor {
                 continue;
             }
             let order = if gone { Change::Stop } else { Change::Restart };
-            self.orders.give(order, run);
+            self.orders.give(order, run, "the config was read again");
         }
         let before = std::mem::replace(&mut self.service_plan, service_plan);
         let always = &self.service_plan.always;
@@ -469,14 +469,14 @@ impl Orders {
         self.names.contains(run)
     }
 
-    pub(super) fn give(&mut self, order: Change, run: String) {
+    pub(super) fn give(&mut self, order: Change, run: String, by: &'static str) {
         self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
         self.tasks.spawn(async move {
             let done = match order {
-                Change::Start => roster.start(&run, None).await,
-                Change::Stop => roster.stop(&run).await,
-                Change::Restart => roster.restart(&run).await,
+                Change::Start => roster.start(&run, None, by).await,
+                Change::Stop => roster.stop(&run, by).await,
+                Change::Restart => roster.restart(&run, by).await,
             };
             if order == Change::Start {
                 OrderResult::Started(run, done)
@@ -739,7 +739,7 @@ mod tests {
             let _ = started.send(Err(RosterError::Offline));
             sleep(Duration::from_secs(60)).await;
             // The roster of this test executes no such command.
-            let _ = fixture.roster.stop_all().await;
+            let _ = fixture.roster.stop_all("a person").await;
             fixture.link(LinkState::Up);
             sleep(Duration::from_secs(60)).await;
         };

@@ -252,6 +252,34 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn history_says_who_has_started_and_ended_what() {
+    let rig = Rig::quiet().await;
+    for name in ["guard.lua", "asked.lua", "other.lua"] {
+        rig.file(name, "task.wait(600)");
+    }
+    config(
+        &rig,
+        "",
+        "behaviours:\n- file: guard.lua\n- { file: asked.lua, start: asked }\n\
+         - { file: other.lua, start: asked }\n",
+    );
+    let mut run = serve(&rig);
+    run.says("connected").await;
+    succeed(&rig, &["behaviour", "start", "asked", "--for", "1s"]).await;
+    succeed(&rig, &["behaviour", "start", "other"]).await;
+    succeed(&rig, &["behaviour", "stop", "other"]).await;
+    run.says("its time is over").await;
+    ends_well(&mut run).await;
+    let args = ["history", "runs", "--config", "spykee.yaml"];
+    let text = succeed(&rig, &args).await;
+    let row = |name: &str| text.lines().find(|line| line.contains(name)).unwrap();
+    assert_contains(row("guard"), &["always on", "shutdown"]);
+    assert_contains(row("asked"), &["the command line", "its time is over"]);
+    // Who has started it, and who has ended it.
+    assert_eq!(row("other").matches("the command line").count(), 2, "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_idle_robot_is_sent_home() {
     let rig = Rig::quiet().await;
     rig.file("asked.lua", DRIVES);
