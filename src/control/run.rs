@@ -418,6 +418,9 @@ impl Run {
             emergency_stop: status.emergency_stop,
             stop_confirmation: status.stop,
             battery,
+            battery_age: status
+                .level_told
+                .map(|at| now.saturating_duration_since(at).as_secs()),
             delays: status.delays.map(Into::into),
             tracks: [percent(tracks.left.get()), percent(tracks.right.get())],
             lights: status.actuators.lights,

@@ -276,7 +276,11 @@ async fn history_says_who_has_started_and_ended_what() {
     assert_contains(row("guard"), &["always on", "shutdown"]);
     assert_contains(row("asked"), &["the command line", "its time is over"]);
     // Who has started it, and who has ended it.
-    assert_eq!(row("other").matches("the command line").count(), 2, "{text}");
+    assert_eq!(
+        row("other").matches("the command line").count(),
+        2,
+        "{text}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
