@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::settings::CommandSettings;
 use super::table::aligned;
+use super::token::address_for_others;
 use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
 use crate::files;
