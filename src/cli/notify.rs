@@ -119,11 +119,20 @@ fn chosen<'a>(
     names.iter().map(find).collect()
 }
 
-/// The notifications of a run, if the config wants any.
+/// The notifications of a run, if the config wants any. One that was found in the current folder may have
+/// come from anywhere: it sends nothing to anybody.
 pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
     let options = &settings.config.notify;
     if options.targets.is_empty() {
         return Ok(None);
+    }
+    if let Some(config) = settings.found_file() {
+        let what = format_args!(
+            "the config {} would send messages and pictures to its targets, but was found in the \
+             current folder, not named",
+            config.display()
+        );
+        return Err(secret::refuse_found(config, what));
     }
     let tokens = tokens(settings, &options.targets)?;
     let data = settings.config.data_folder();
