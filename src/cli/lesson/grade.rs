@@ -12,6 +12,10 @@ use super::class::{Learner, Pair, handed_in, pairs};
 use super::feedback::sentence;
 use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
+use crate::files;
+
+/// Maximum length of the list of names, in bytes.
+const MAX_NAMES: u64 = 1 << 20;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct GradeArgs {
@@ -99,7 +103,7 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     let Some(path) = &args.names else {
         return Ok(Vec::new());
     };
-    let text = fs::read_to_string(path).map_err(|error| {
+    let text = files::read_text(path, MAX_NAMES).map_err(|error| {
         Failure::unreadable(path, error).help("--names needs a text file with one name per line")
     })?;
     let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
