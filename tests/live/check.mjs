@@ -1032,6 +1032,44 @@ const promises = {
     await run.end();
   },
 
+  async "yesterday's alarm is found on a phone in two taps"(browser) {
+    const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
+    const page = await open(browser, run, PHONE);
+    const at = new Date().setHours(0, 0, 0, 0) - 3_600_000;
+    const saved = (behaviour, number, text = "") => ({ at: at + number, behaviour, name: `${number}.jpg`, text });
+    const yesterday = {
+      alarms: [saved("guard", 2, "something moves"), saved("guard", 1, "a noise")],
+      runs: [{ behaviour: "patrol", began: at, pictures: Array.from({ length: 40 }, (_, number) => saved("patrol", 10 + number)) }],
+    };
+    await page.route("**/api/pictures?*", (route) => {
+      const { searchParams } = new URL(route.request().url());
+      const is = Number(searchParams.get("since")) <= at && at < Number(searchParams.get("until"));
+      return route.fulfill({ json: is ? yesterday : { alarms: [], runs: [] } });
+    });
+    const jpeg = fs.readFileSync(path.join(root, "tests/fixtures/ball-422.jpg"));
+    await page.route("**/pictures/*.jpg", (route) => route.fulfill({ body: jpeg, contentType: "image/jpeg" }));
+    await ready(page);
+    await page.getByText("No pictures on this day.").waitFor();
+    await button(page, "Yesterday").tap();
+    await page.getByRole("button", { name: /something moves/ }).tap();
+    const dialog = page.getByRole("dialog");
+    await dialog.getByText(/something moves/).waitFor();
+    await inView(page, "the alarm", { image: dialog.locator("img"), next: button(page, "Next"), stop: button(page, "STOP") });
+    await keep(page, "gallery-phone");
+    await button(page, "Next").tap();
+    await dialog.getByText(/a noise/).waitFor();
+    await button(page, "Close").tap();
+    if (await page.locator(".thumb:visible").count() !== 14) {
+      throw new Error("two alarms and the first twelve pictures of the run are shown");
+    }
+    await button(page, "All 40 pictures").tap();
+    await until(async () => await page.locator(".thumb:visible").count() === 42, "all of them");
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
   async "a day, a week and a year of history, with the keyboard, on a phone, in light and dark"(browser) {
     const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
     const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
