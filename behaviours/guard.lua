@@ -26,7 +26,8 @@ local function intruder(what, frame)
 	end
 	local path, why
 	if frame then
-		path, why = frame:save(`alarm{alarms % 100}.jpg`)
+		-- The date keeps yesterday's pictures from being overwritten.
+		path, why = frame:save(`alarm-{(string.gsub(clock.date().text, "%D", "-"))}.jpg`)
 	end
 	log.warn(`alarm {alarms}: {what}`, { picture = path or why or "none" })
 	journal.add("intruder", { what = what, alarm = alarms })

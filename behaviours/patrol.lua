@@ -1,5 +1,5 @@
 -- patrol: drives round after round, each of several legs. At the end of each leg it looks around,
--- takes photographs and logs the colours that it sees. When the battery runs low it goes home,
+-- takes photographs, in the dark with its headlight, and logs the colours that it sees. When the battery runs low it goes home,
 -- charges, leaves the station and continues with the leg that it had not finished; after a restart
 -- it does the same. Runs until it is stopped.
 
@@ -13,6 +13,8 @@ local settings = params.declare({
 	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 })
 local COLOURS = { "red", "green", "blue", "yellow" }
+local DARK = 0.25 -- a picture darker than this is night, as for night_light
+local LIT = 0.5 -- seconds until pictures show the light that was switched on
 
 local leg = store.get("leg", 1) -- the next leg to drive
 local round = store.get("round", 1)
@@ -40,15 +42,28 @@ local function colours_in(frame)
 	return if #names > 0 then table.concat(names, ", ") else "nothing bright"
 end
 
-local function photograph(name)
+-- Returns the next picture; in the dark the first one that shows what the headlight shines on.
+local function lit_frame()
 	local frame = robot.wait_frame(2)
+	robot.led("flash", true)
+	if frame and frame:brightness() < DARK then
+		task.wait(LIT)
+		return robot.wait_frame(2)
+	end
+	return frame
+end
+
+local function photograph(name)
+	local frame = lit_frame()
+	local path, why
+	if frame then
+		robot.play("snapshot")
+		path, why = frame:save(`{string.sub(clock.date().text, 1, 10)}-{name}`)
+	end
+	robot.led("flash", false)
 	if not frame then
 		return log.warn("the camera sent no picture")
 	end
-	robot.led("flash", true)
-	robot.play("snapshot")
-	local path, why = frame:save(name)
-	robot.led("flash", false)
 	log.info(`I see {colours_in(frame)}`, { picture = path or why })
 end
 

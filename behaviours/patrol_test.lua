@@ -86,3 +86,14 @@ scenario("finds its station from a place that the beacon does not reach", { batt
 	end
 	expect(sim:wait_until(is_home, 800), "it drives to a place from which it finds the station")
 end)
+
+scenario("photographs the dark with its headlight", { battery = 90, fps = 8 }, function(sim)
+	somewhere(sim)
+	sim:light(0.02)
+	sim:run("patrol.lua")
+	local function has_seen()
+		return #sim:log("I see ") > #sim:log("nothing bright")
+	end
+	expect(sim:wait_until(has_seen, 60), "it sees what its headlight shines on")
+	expect(sim:wait_until(function() return not sim:leds().flash end, 5), "the headlight goes off again")
+end)

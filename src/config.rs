@@ -335,6 +335,12 @@ impl Config {
             .watchdog
             .check()
             .map_err(|error| invalid(error.to_string()))?;
+        let is_empty = |rule: &&Rule| rule.lasts.is_some_and(|lasts| lasts.get().is_zero());
+        if let Some(Rule { run, .. }) = config.schedule.iter().find(is_empty) {
+            return Err(invalid(format!(
+                "schedule: `for` of `{run}` must be above zero"
+            )));
+        }
         config.notify.check().map_err(invalid)?;
         config.mqtt.check().map_err(invalid)?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {

@@ -24,7 +24,7 @@ mod viewer;
 mod world;
 
 pub use broadcast::FrameRate;
-pub use log::{EventField, EventFields, LogTap, tap};
+pub use log::{EventField, EventFields, LIGHTS_AND_SOUNDS, LogTap, tap};
 pub use messages::{schema, understood};
 pub use scripts::{RunDefinition, Script};
 pub use server::{Live, LiveError, WebContext};

@@ -151,6 +151,8 @@ pub struct Pilot {
     moving: bool,
     /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
+    /// When the robot last told its battery level.
+    level_told: Option<Instant>,
     quiet_hours: QuietHours,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
@@ -202,6 +204,7 @@ impl Pilot {
             alarm_due: false,
             moving: false,
             sounding: None,
+            level_told: None,
             quiet_hours: QuietHours::default(),
             released: false,
             ending: None,
@@ -501,6 +504,7 @@ impl Pilot {
             link,
             safety: self.watchdog.state(),
             battery: self.battery(),
+            level_told: self.level_told,
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
@@ -603,6 +607,7 @@ impl Pilot {
         self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
+        self.level_told = Some(Instant::now());
         self.executes_nothing = false;
         let robot = info.clone();
         self.bus.publish(AgentEvent::LinkUp { robot, docked });
@@ -660,6 +665,7 @@ impl Pilot {
         }
         match report {
             Report::Power(power) => {
+                self.level_told = Some(Instant::now());
                 return lost.and(self.take_battery_fact(Fact::Power(power)));
             }
             Report::Engine(report) => return lost.and(self.engine(report)),

@@ -117,7 +117,7 @@ impl BehaviourSet {
         while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match command {
-                RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
+                RosterCommand::Start(name, .., reply) | RosterCommand::Restart(name, _, reply)
                     if offline =>
                 {
                     let refusal = match self.spec(&name) {
@@ -161,7 +161,7 @@ impl BehaviourSet {
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, ScriptExit)> {
         self.commands.close();
         for one in &mut self.active {
-            one.restart_reply = None;
+            one.restart = None;
             one.stop.stop(reason);
         }
         let scripts = async {
@@ -183,13 +183,13 @@ impl BehaviourSet {
 
     fn execute(&mut self, command: RosterCommand) {
         match command {
-            RosterCommand::Start(name, time_limit, reply) => match self.find(&name) {
+            RosterCommand::Start(name, time_limit, by, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, time_limit, reply),
+                None => self.start(&name, time_limit, &by, reply),
             },
-            RosterCommand::Stop(name, reply) => match self.find(&name) {
+            RosterCommand::Stop(name, by, reply) => match self.find(&name) {
                 Some(one) => {
-                    one.stop_for_good();
+                    one.stop_for_good(&by);
                     one.ended.push(reply);
                 }
                 None => {
@@ -200,22 +200,22 @@ impl BehaviourSet {
                     refuse(reply, why);
                 }
             },
-            RosterCommand::StopAll(reply) => {
+            RosterCommand::StopAll(by, reply) => {
                 for one in &mut self.active {
-                    one.stop_for_good();
+                    one.stop_for_good(&by);
                 }
                 // Whoever gets the reply then waits for the behaviours in state `Ending`.
                 self.publish();
                 let _ = reply.send(Ok(()));
             }
-            RosterCommand::Restart(name, reply) => match self.find(&name) {
+            RosterCommand::Restart(name, by, reply) => match self.find(&name) {
                 Some(one) => {
-                    one.stop.stop(EndReason::Reload);
-                    if let Some(earlier) = one.restart_reply.replace(reply) {
+                    one.stop.stop_by(EndReason::Reload, &by);
+                    if let Some((_, earlier)) = one.restart.replace((by, reply)) {
                         refuse(earlier, RosterError::Busy);
                     }
                 }
-                None => self.start(&name, None, reply),
+                None => self.start(&name, None, &by, reply),
             },
             RosterCommand::Define(specs, reply) => {
                 self.specs = specs;
@@ -226,7 +226,7 @@ impl BehaviourSet {
     }
 
     /// Loads the script of a behaviour that does not run.
-    fn start(&mut self, name: &str, time_limit: Option<Duration>, reply: Reply) {
+    fn start(&mut self, name: &str, time_limit: Option<Duration>, who: &str, reply: Reply) {
         let Some(spec) = self.spec(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
@@ -235,7 +235,7 @@ impl BehaviourSet {
             return refuse(reply, RosterError::Full(MAX_BEHAVIOURS));
         }
         let by = self.number();
-        let stop = Handle::default();
+        let stop = Handle::for_start(who);
         let context = self.context.clone();
         let status = self.status.clone();
         let loaded = load(context, stop.clone(), by, spec, status);
@@ -270,6 +270,7 @@ impl BehaviourSet {
                                 reason,
                                 message: message.clone(),
                                 seconds: 0.0,
+                                by: None,
                             });
                             self.keep_exit(&one.name, ScriptExit { reason, message });
                         }
@@ -310,8 +311,8 @@ impl BehaviourSet {
         for reply in one.ended {
             let _ = reply.send(Ok(()));
         }
-        if let Some(reply) = one.restart_reply {
-            self.start(&one.name, one.time_limit, reply);
+        if let Some((by, reply)) = one.restart {
+            self.start(&one.name, one.time_limit, &by, reply);
         }
     }
 
@@ -319,7 +320,7 @@ impl BehaviourSet {
         for one in &self.active {
             if one.deadline().is_some_and(|deadline| deadline <= now) {
                 info!(behaviour = one.name, "its time is over");
-                one.stop.stop(EndReason::Cancelled);
+                one.stop.stop_by(EndReason::Cancelled, "its time is over");
             }
         }
         self.publish();
@@ -398,8 +399,9 @@ pub(super) struct ActiveBehaviour {
     pub(super) time_limit: Option<Duration>,
     pub(super) started: Option<Reply>,
     pub(super) ended: Vec<Reply>,
-    /// Present if it is to be started again when it has ended; receives the outcome.
-    pub(super) restart_reply: Option<Reply>,
+    /// Present if it is to be started again when it has ended: who wants that, and what receives the
+    /// outcome.
+    pub(super) restart: Option<(String, Reply)>,
 }
 
 impl ActiveBehaviour {
@@ -417,7 +419,7 @@ impl ActiveBehaviour {
             time_limit,
             started: None,
             ended: Vec::new(),
-            restart_reply: None,
+            restart: None,
         }
     }
 
@@ -430,9 +432,9 @@ impl ActiveBehaviour {
     }
 
     /// Tells it to end, and not to start again.
-    pub(super) fn stop_for_good(&mut self) {
-        self.stop.stop(EndReason::Cancelled);
-        if let Some(again) = self.restart_reply.take() {
+    pub(super) fn stop_for_good(&mut self, by: &str) {
+        self.stop.stop_by(EndReason::Cancelled, by);
+        if let Some((_, again)) = self.restart.take() {
             let _ = again.send(Err(RosterError::StoppedFirst(self.name.clone())));
         }
     }

@@ -105,6 +105,7 @@ impl RestartLoop {
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
         self.context.bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
+            by: self.stop.started_by(),
         });
         let handle = Handle::default();
         let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;
@@ -182,6 +183,7 @@ impl RestartLoop {
             reason: exit.reason,
             message: exit.message.clone(),
             seconds: ran.as_secs_f64(),
+            by: self.stop.ended_by(),
         });
     }
 

@@ -165,12 +165,13 @@ pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 #[derive(Debug)]
 pub(super) enum RosterCommand {
-    /// Start the behaviour, and end it after this time if it still runs then.
-    Start(String, Option<Duration>, Reply),
-    Stop(String, Reply),
+    /// Start the behaviour, and end it after this time if it still runs then. As with the others, the
+    /// last text is who wants this.
+    Start(String, Option<Duration>, String, Reply),
+    Stop(String, String, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
-    StopAll(Reply),
-    Restart(String, Reply),
+    StopAll(String, Reply),
+    Restart(String, String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
 }
@@ -214,16 +215,24 @@ impl Roster {
         }
     }
 
-    /// Starts a behaviour; returns when its script is loaded and begins. It is ended after it has run
-    /// for `time_limit`, unless it has ended before. A restart resets the time.
-    pub async fn start(&self, name: &str, time_limit: Option<Duration>) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Start(name.to_owned(), time_limit, reply))
+    /// Starts a behaviour in the name of `by`; returns when its script is loaded and begins. It is ended
+    /// after it has run for `time_limit`, unless it has ended before. A restart resets the time.
+    pub async fn start(
+        &self,
+        name: &str,
+        time_limit: Option<Duration>,
+        by: &str,
+    ) -> Result<(), RosterError> {
+        let name = name.to_owned();
+        let by = by.to_owned();
+        self.send_command(|reply| RosterCommand::Start(name, time_limit, by, reply))
             .await
     }
 
-    /// Ends a behaviour; returns when it has ended, after its last words. It is not restarted.
-    pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reply))
+    /// Ends a behaviour in the name of `by`; returns when it has ended, after its last words. It is not
+    /// restarted.
+    pub async fn stop(&self, name: &str, by: &str) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), by.to_owned(), reply))
             .await
     }
 
@@ -234,9 +243,10 @@ impl Roster {
 
     /// Ends all behaviours, also those that an earlier command starts or restarts; returns when
     /// they have ended.
-    pub async fn stop_all(&self) -> Result<(), RosterError> {
+    pub async fn stop_all(&self, by: &str) -> Result<(), RosterError> {
         self.stops.send_modify(|stops| *stops += 1);
-        self.send_command(RosterCommand::StopAll).await?;
+        self.send_command(|reply| RosterCommand::StopAll(by.to_owned(), reply))
+            .await?;
         let mut statuses = self.statuses();
         let is_ending = |one: &BehaviourStatus| one.state == BehaviourState::Ending;
         let ended = statuses.wait_for(|statuses| !statuses.iter().any(is_ending));
@@ -249,8 +259,8 @@ impl Roster {
 
     /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
     /// cannot be loaded, the behaviour stays ended.
-    pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Restart(name.to_owned(), reply))
+    pub async fn restart(&self, name: &str, by: &str) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::Restart(name.to_owned(), by.to_owned(), reply))
             .await
     }
 
@@ -352,7 +362,7 @@ mod tests {
             tokio::spawn(async move {
                 while let Some(command) = commands.recv().await {
                     let text = format!("{command:?}");
-                    let (RosterCommand::Start(_, _, reply) | RosterCommand::Stop(_, reply)) =
+                    let (RosterCommand::Start(.., reply) | RosterCommand::Stop(.., reply)) =
                         command
                     else {
                         continue;
@@ -376,8 +386,11 @@ mod tests {
             }
         };
         let patient = roster.without_timeout();
-        let (hasty, patient, ()) =
-            tokio::join!(roster.start("go", None), patient.start("go", None), slow);
+        let (hasty, patient, ()) = tokio::join!(
+            roster.start("go", None, "anna"),
+            patient.start("go", None, "ben"),
+            slow
+        );
         assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));
     }
 }

@@ -72,12 +72,13 @@ fn record(text: &mut String, object: &Object) {
 }
 
 fn class(text: &mut String, object: &Object) {
-    let _ = writeln!(text, "\n--- {}\ndeclare class {}", object.doc, object.name);
+    let Object { doc, name, .. } = object;
+    let _ = writeln!(text, "\n--- {doc}\ndeclare extern type {name} with");
     for field in object.fields {
         let _ = writeln!(text, "\t{}: {}{}", field.name, field.luau(), remark(field));
     }
     for method in object.methods {
-        let parameters = method.parameters_luau();
+        let parameters = method.declared_parameters();
         let comma = if parameters.is_empty() { "" } else { ", " };
         let _ = writeln!(
             text,
@@ -107,7 +108,7 @@ fn functions(text: &mut String, namespace: &Namespace) {
         let _ = writeln!(text, "\n--- {}", function.doc);
         let forms = function.forms();
         if let [_, short] = forms.as_slice() {
-            let long = function.luau_type(" -> ");
+            let long = function.luau_type();
             let short: Vec<_> = short.iter().map(|one| one.named()).collect();
             let returns = function.returns_luau();
             let short = format!("({}) -> {returns}", short.join(", "));
@@ -137,14 +138,14 @@ fn declare(text: &mut String, namespace: &Namespace) {
 /// A function's type. A function that takes an event is overloaded, with one case for each event.
 fn field_type(function: &Function) -> String {
     if !function.takes_an_event() {
-        return function.luau_type(" -> ");
+        return function.luau_type();
     }
     let returns_payload = |value: &Value| matches!(value.kind, Type::Payload);
     let returns_payload = function.returns.iter().any(returns_payload);
     let cases: Vec<_> = super::events()
         .map(|event| {
             let payload = event.payload.unwrap_or("{}");
-            let one = function.luau_type(" -> ");
+            let one = function.luau_type();
             let one = one.replacen("EventName", &format!("\"{}\"", event.name), 1);
             let one = one.replace("payload: any", &format!("payload: {payload}"));
             if returns_payload {

@@ -356,6 +356,10 @@ mod tests {
             assert!(text.contains(&declared), "{}", method.path);
         }
         assert!(text.contains("declare scenario: ((name: string, options: "));
+        // Luau has no `declare class` any more, and a declaration names the type of its `...`.
+        assert!(text.contains("\ndeclare extern type Frame with\n"));
+        assert!(!text.contains("declare class"));
+        assert!(text.contains("\tfunction run(self, ...: any): ()\n"));
         for module in modules() {
             let stub = module_stub(module);
             assert!(

@@ -210,18 +210,29 @@ impl Function {
 
     /// Its signature, such as `robot.led(name: Light, on: boolean): ()`.
     pub fn signature(&self) -> String {
-        format!("{}{}", self.path, self.luau_type(": "))
+        let parameters = self.declared_parameters();
+        format!("{}({parameters}): {}", self.path, self.returns_luau())
     }
 
-    /// Its parameters and results in Luau's notation, without a method's object.
-    pub fn luau_type(&self, arrow: &str) -> String {
-        format!("({}){arrow}{}", self.parameters_luau(), self.returns_luau())
+    /// Its type in Luau's notation, without a method's object.
+    pub fn luau_type(&self) -> String {
+        format!(
+            "({}) -> {}",
+            self.parameters_luau("...any"),
+            self.returns_luau()
+        )
     }
 
-    pub(super) fn parameters_luau(&self) -> String {
+    /// Its parameters as a declaration has them.
+    pub(super) fn declared_parameters(&self) -> String {
+        self.parameters_luau("...: any")
+    }
+
+    /// `rest` is how further arguments are written: a type has no colon there, a declaration has one.
+    fn parameters_luau(&self, rest: &str) -> String {
         let mut parameters: Vec<_> = self.parameters.iter().map(Value::named).collect();
         if self.rest.is_some() {
-            parameters.push("...any".to_owned());
+            parameters.push(rest.to_owned());
         }
         parameters.join(", ")
     }

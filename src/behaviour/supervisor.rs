@@ -2,6 +2,7 @@
 //! a host that has ended, for whatever reason, no longer moves the robot. Work that may block on
 //! the system runs on the caller's runtime.
 
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use tokio::sync::{broadcast, mpsc, watch};
@@ -27,9 +28,37 @@ const STALL: Duration = Duration::from_millis(200);
 #[derive(Debug, Clone, Default)]
 pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
+    started_by: Option<String>,
+    ended_by: Arc<OnceLock<String>>,
 }
 
 impl Handle {
+    /// The handle of a behaviour that `by` starts: a person, a timetable.
+    pub fn for_start(by: &str) -> Handle {
+        Handle {
+            started_by: Some(by.to_owned()),
+            ..Handle::default()
+        }
+    }
+
+    /// Who has started it, if it does not belong to the run from its beginning.
+    pub fn started_by(&self) -> Option<String> {
+        self.started_by.clone()
+    }
+
+    /// Who has told it to end, or what.
+    pub fn ended_by(&self) -> Option<String> {
+        self.ended_by.get().cloned()
+    }
+
+    /// The same as [`Handle::stop`], in the name of `by`.
+    pub fn stop_by(&self, reason: EndReason, by: &str) {
+        if self.reason().is_none() {
+            let _ = self.ended_by.set(by.to_owned());
+        }
+        self.stop(reason);
+    }
+
     /// Lets the script say its last words; ends it by force after 0.7 s. The first reason is kept.
     pub fn stop(&self, reason: EndReason) {
         self.stop

@@ -40,13 +40,14 @@ pub(super) fn diagnostic(source: SourceText<'_>, complaint: &str) -> Diagnostic 
 impl ErrorSite<'_> {
     fn explanation(&self) -> Diagnostic {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Diagnostic>; 17] = [
+        let rules: [fn(&Self) -> Option<Diagnostic>; 18] = [
             Self::quotes,
             Self::unfinished,
             Self::unknown_symbols,
             Self::comments,
             Self::increments,
             Self::other_languages,
+            Self::other_forms,
             Self::single_equals,
             Self::else_if,
             Self::braces,
@@ -302,6 +303,40 @@ impl ErrorSite<'_> {
         None
     }
 
+    /// Forms of other languages that begin within a line.
+    fn other_forms(&self) -> Option<Diagnostic> {
+        let tokens = self.around();
+        let texts: Vec<&str> = tokens.iter().map(|token| self.text(token)).collect();
+        let is_number = |at: usize| {
+            let token = tokens.get(at);
+            token.is_some_and(|token| token.kind == TokenKind::Number)
+        };
+        for (at, token) in tokens.iter().enumerate() {
+            let (last, message, help) = match &texts[at..] {
+                ["=", ">", ..] if tokens[at + 1].span.start == token.span.end => {
+                    let help = "write function(name) ... end";
+                    (at + 1, "a function is not written with =>", help.to_owned())
+                }
+                ["goto", ..] if at + 1 < tokens.len() => {
+                    let help = "write break, continue or return";
+                    (at, "there is no goto", help.to_owned())
+                }
+                ["for", number, ",", ..] if is_number(at + 1) => {
+                    let help = format!("write for i = {number}, ... do");
+                    (at + 1, "a `for` needs a name that counts", help)
+                }
+                ["=", "(", _, ",", ..] if is_number(at + 2) => {
+                    let help = "write it in braces: { 1, 2, 3 }".to_owned();
+                    (at + 1, "a list is not written in round brackets", help)
+                }
+                _ => continue,
+            };
+            let span = token.span.to(tokens[last].span);
+            return Some(self.error(span, message).help(help));
+        }
+        None
+    }
+
     fn single_equals(&self) -> Option<Diagnostic> {
         let tokens = self.on_line();
         let begins = tokens
@@ -312,6 +347,19 @@ impl ErrorSite<'_> {
             .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
         if self.text(equals) != "=" {
             return None;
+        }
+        let between = tokens[begins..]
+            .iter()
+            .filter(|token| token.span.start < equals.span.start);
+        let names: Vec<&str> = between.skip(1).map(|token| self.text(token)).collect();
+        if names.contains(&",") && !names.contains(&"(") {
+            let message = "several results cannot be set here";
+            let help = format!(
+                "on the line before, write local {} = ...; here test {}",
+                names.concat().replace(',', ", "),
+                names[0]
+            );
+            return Some(self.error(equals.span, message).help(help));
         }
         let error = self.error(equals.span, "a single = sets a variable");
         Some(error.help("to compare, write =="))

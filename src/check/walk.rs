@@ -57,6 +57,9 @@ pub(super) fn walked<'a>(
     (diagnostics, walk.kinds)
 }
 
+/// Names of variables that are meant to count.
+const COUNTERS: [&str; 7] = ["_", "i", "j", "k", "n", "index", "number"];
+
 impl<'a> Walk<'a> {
     /// `help` says what to do; empty if that is clear from the message.
     fn error(&mut self, span: Span, message: impl Into<String>, help: impl Into<String>) {
@@ -238,9 +241,22 @@ impl<'a> Walk<'a> {
             }
             _ => self.kinds.kind_of(one),
         };
-        if let (ValueKind::List(of), [index, item, ..]) = (list, ids) {
-            self.kinds.bind(*index, ValueKind::Number(None));
-            self.kinds.bind(*item, of_type(*of));
+        let ValueKind::List(of) = list else { return };
+        match ids {
+            [index, item, ..] => {
+                self.kinds.bind(*index, ValueKind::Number(None));
+                self.kinds.bind(*item, of_type(*of));
+            }
+            [index] => {
+                let name = self.kinds.tree.locals[index.0].name.clone();
+                let is_thing = matches!(of_type(*of), ValueKind::Object(_));
+                if is_thing && !COUNTERS.contains(&name.as_str()) {
+                    let message = format!("`{name}` is 1, 2, 3, ... here, not a thing of the list");
+                    let help = format!("for the things themselves, write for _, {name} in ... do");
+                    self.warning(one.span, message, help);
+                }
+            }
+            [] => {}
         }
     }
 

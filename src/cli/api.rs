@@ -63,12 +63,23 @@ fn write_reference(folder: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Maximum number of names with the text that was asked for.
+const MAX_LIKE: usize = 12;
+
 fn one(name: &str) -> Result<String, Failure> {
     api::page(name).ok_or_else(|| {
         let known = api::known();
         let near = suggestion(name, known.iter().map(String::as_str));
         let failure = Failure::usage(format_args!("nothing in the API is called '{name}'{near}"));
-        failure.help("spykee api lists everything")
+        let part = name.to_lowercase();
+        let mut like: Vec<&str> = known.iter().map(String::as_str).collect();
+        like.retain(|one| one.to_lowercase().contains(&part));
+        like.truncate(MAX_LIKE);
+        failure.help(if like.is_empty() || part.is_empty() {
+            "spykee api lists everything".to_owned()
+        } else {
+            format!("there are {}", like.join(", "))
+        })
     })
 }
 

@@ -10,7 +10,8 @@ use serde_json::{Value as Json, json};
 use super::notify::TestArgs;
 use super::settings::CommandSettings;
 use super::table::aligned;
-use super::{Exit, Failure, argument, notify, print, print_json};
+use super::usable::check_config;
+use super::{Console, Exit, Failure, argument, notify, print, print_json};
 use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
@@ -27,7 +28,8 @@ pub(super) enum Action {
         #[arg(long)]
         json: bool,
     },
-    /// Check a config file
+    /// Check a config file: also its scripts and their parameters, its timetable, its files with
+    /// secrets, and the access to its page
     Check {
         /// Config file [default: the one of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
         #[arg(value_name = "FILE")]
@@ -46,10 +48,14 @@ impl Action {
 }
 
 /// Shows or checks the settings. Only the test of notification targets reads secrets.
-pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, Failure> {
+pub(super) fn run(
+    action: &Action,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
     match action {
         Action::Show { origin, json } => show(*origin, *json, settings),
-        Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path())),
+        Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path()), console),
         Action::Schedule(args) => schedule(args, settings),
         Action::TestNotify(args) => notify::run(args, settings),
         Action::Schema => {
@@ -59,21 +65,9 @@ pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, F
     }
 }
 
-fn check(file: &Path) -> Result<Exit, Failure> {
+fn check(file: &Path, console: &Console) -> Result<Exit, Failure> {
     let config = Config::load(file).map_err(|error| Failure::new(Exit::Check, error))?;
-    let missing = config.behaviours.iter().find(|entry| !entry.file.is_file());
-    if let Some(entry) = missing {
-        let file = file.display();
-        let script = entry.file.display();
-        let what = format_args!("{file}: there is no behaviour {script}");
-        return Err(
-            Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
-        );
-    }
-    if let Some((what, known)) = unknown_behaviour(&config.timetable(), &names(&config)) {
-        let what = format!("{}: {what}", file.display());
-        return Err(Failure::new(Exit::Check, what).help(known));
-    }
+    check_config(file, &config, console)?;
     print(&format!("{}: valid\n", file.display()))?;
     Ok(Exit::Done)
 }

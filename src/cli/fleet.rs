@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::settings::CommandSettings;
 use super::table::aligned;
+use super::token::address_for_others;
 use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
 use crate::files;
@@ -194,25 +195,35 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
         })
     };
     let ca = options.ca_file.as_ref().map(certificates).transpose()?;
+    let listen = settings.config.live.listen.map(address_for_others);
+    let listen = listen.filter(|address| !address.ip().is_loopback());
     Ok(Some(Account {
         options,
         password,
         ca,
+        page: listen.map(|address| format!("http://{address}/")),
     }))
 }
 
 /// The account of the broker that serves requests to a run, if the config names a broker. A config
 /// that was found in the current folder may have come from anywhere: it must not hand the robot and
-/// its camera to a stranger's broker.
+/// its camera to a stranger's broker, nor to whoever has a token that came with it.
 pub(super) fn account_of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     let account = account(settings)?;
-    if let (Some(_), Some(config)) = (&account, settings.found_file()) {
-        let what = format_args!(
-            "the config {} would connect the robot to a broker, but was found in the current \
-             folder, not named",
-            config.display()
-        );
-        return Err(secret::refuse_found(config, what));
-    }
-    Ok(account)
+    let Some(config) = settings.found_file() else {
+        return Ok(account);
+    };
+    let listen = settings.config.live.listen;
+    let would = if account.is_some() {
+        "connect the robot to a broker"
+    } else if listen.is_some_and(|address| !address.ip().is_loopback()) {
+        "open the page to other computers"
+    } else {
+        return Ok(account);
+    };
+    let what = format_args!(
+        "the config {} would {would}, but was found in the current folder, not named",
+        config.display()
+    );
+    Err(secret::refuse_found(config, what))
 }

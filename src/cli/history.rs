@@ -226,7 +226,7 @@ impl View {
     /// running, or its agent was killed.
     fn of_runs(records: &[Record], zone: &TimeZone) -> View {
         let new_row = |behaviour: &str| {
-            let mut row = vec![String::new(); 6];
+            let mut row = vec![String::new(); 7];
             row[3] = behaviour.to_owned();
             row
         };
@@ -239,6 +239,7 @@ impl View {
                 open.insert(key, rows.len());
                 let mut row = new_row(key.1);
                 row[0] = at;
+                row[4] = record.text("by").to_owned();
                 rows.push(row);
                 continue;
             }
@@ -251,11 +252,11 @@ impl View {
             let row = &mut rows[number];
             row[1] = at;
             row[2] = clock::hours(lasted.unwrap_or_default());
-            row[4] = record.text("reason").to_owned();
-            row[5] = record.text("message").to_owned();
+            row[5] = record.text("reason").to_owned();
+            row[6] = message_and_who(record);
         }
         View {
-            columns: &["began", "ended", "lasted", "behaviour", "end", "what"],
+            columns: &["began", "ended", "lasted", "behaviour", "by", "end", "what"],
             rows,
         }
     }
@@ -305,6 +306,15 @@ fn cell(column: &str, one: &Record, zone: &TimeZone) -> String {
     }
 }
 
+/// Why a behaviour has ended, and who has ended it, or what.
+fn message_and_who(one: &Record) -> String {
+    match (one.text("message"), one.text("by")) {
+        (message, "") => message.to_owned(),
+        ("", by) => by.to_owned(),
+        (message, by) => format!("{message} ({by})"),
+    }
+}
+
 /// Who asked for a docking.
 fn asked_by(one: &Record) -> &str {
     match one.text("by") {
@@ -341,10 +351,13 @@ fn describe(one: &Record) -> String {
             )
         }
         "undock" => format!("{}, for {}", text("end"), text("by")),
-        "started" => text("behaviour").to_owned(),
+        "started" => match text("by") {
+            "" => text("behaviour").to_owned(),
+            by => format!("{}: {by}", text("behaviour")),
+        },
         "ended" => {
-            let message = match text("message") {
-                "" => String::new(),
+            let message = match message_and_who(one) {
+                message if message.is_empty() => message,
                 message => format!(": {message}"),
             };
             format!("{} {}{message}", text("behaviour"), text("reason"))
@@ -494,7 +507,10 @@ mod tests {
     fn starts_and_ends_make_runs_and_a_killed_run_has_no_end() {
         let records = [
             record(0, json!({"event": "started", "behaviour": "patrol"})),
-            record(1, json!({"event": "started", "behaviour": "guard"})),
+            record(
+                1,
+                json!({"event": "started", "behaviour": "guard", "by": "the timetable"}),
+            ),
             record(
                 5,
                 json!({"event": "ended", "behaviour": "guard", "reason": "error", "message": "guard.lua:3: no"}),
@@ -502,19 +518,24 @@ mod tests {
             record(6, json!({"event": "started", "behaviour": "guard"})),
             record(
                 9,
-                json!({"event": "ended", "behaviour": "patrol", "reason": "done"}),
+                json!({"event": "ended", "behaviour": "patrol", "reason": "cancelled", "by": "the page, token sofa"}),
             ),
         ];
         let runs = View::of_runs(&records, &zone()).rows;
         let summary: Vec<_> = runs
             .iter()
-            .map(|run| (run[3].as_str(), run[4].as_str(), !run[1].is_empty()))
+            .map(|run| (run[3].as_str(), run[5].as_str(), !run[1].is_empty()))
             .collect();
         let expected = [
-            ("patrol", "done", true),
+            ("patrol", "cancelled", true),
             ("guard", "error", true),
             ("guard", "", false),
         ];
+        assert_eq!(runs[0][6], "the page, token sofa");
+        assert_eq!(
+            (&*runs[1][4], &*runs[1][6]),
+            ("the timetable", "guard.lua:3: no")
+        );
         assert_eq!(summary, expected);
         let began_before = View::of_runs(&records[2..3], &zone()).rows;
         assert_eq!(began_before[0][0], "");

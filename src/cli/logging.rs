@@ -14,23 +14,41 @@ use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::Console;
 use super::console::LogFormat;
-use crate::live::{EventFields, LogTap};
+use crate::live::{EventFields, LIGHTS_AND_SOUNDS, LogTap};
 use crate::sanitize;
 use crate::simulation;
 
 /// The default filter: of other crates only warnings and errors.
 const DEFAULT_FILTER: &str = "warn,spykee=info";
 
+/// What is logged unless `RUST_LOG` says otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Detail {
+    /// Everything that a person beside the robot would see and hear, too.
+    Full,
+    /// What a log of weeks needs: like the page's, without each light and sound.
+    Service,
+}
+
+impl Detail {
+    fn filter(self) -> EnvFilter {
+        EnvFilter::new(match self {
+            Detail::Full => DEFAULT_FILTER.to_owned(),
+            Detail::Service => format!("{DEFAULT_FILTER},{LIGHTS_AND_SOUNDS}=warn"),
+        })
+    }
+}
+
 /// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
 /// used. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat) {
+pub(super) fn start(console: &Console, format: LogFormat, detail: Detail) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
     let complaint = parsed.as_ref().err().map(ToString::to_string);
     let filter = parsed.ok().flatten();
-    let filter = filter.unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
+    let filter = filter.unwrap_or_else(|| detail.filter());
     let started = tracing::dispatcher::set_global_default(dispatch(console, format, filter));
     if let (Ok(()), Some(complaint)) = (started, complaint) {
         tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
@@ -38,9 +56,12 @@ pub(super) fn start(console: &Console, format: LogFormat) {
 }
 
 /// Logs only what this thread and its simulations do, until the guard is dropped.
-pub(super) fn start_on_this_thread(console: &Console, format: LogFormat) -> DefaultGuard {
-    let filter = EnvFilter::new(DEFAULT_FILTER);
-    tracing::dispatcher::set_default(&dispatch(console, format, filter))
+pub(super) fn start_on_this_thread(
+    console: &Console,
+    format: LogFormat,
+    detail: Detail,
+) -> DefaultGuard {
+    tracing::dispatcher::set_default(&dispatch(console, format, detail.filter()))
 }
 
 fn dispatch(console: &Console, format: LogFormat, filter: EnvFilter) -> Dispatch {

@@ -42,6 +42,7 @@ mod status;
 mod table;
 mod test;
 mod token;
+mod usable;
 mod world;
 
 use std::cell::RefCell;
@@ -63,6 +64,7 @@ use serde::Serialize;
 pub use connection::{ConnectionArgs, LoginArgs};
 pub use console::{Console, LogFormat};
 pub use failure::{Exit, Failure};
+use logging::Detail;
 use settings::CommandSettings;
 
 /// Timeout for writing the last lines to a blocked stderr at exit.
@@ -202,7 +204,7 @@ impl Command {
             Command::Discover(args) => discover::run(&args),
             Command::Robot(args) => robot::run(&args, settings, console),
             Command::Calibrate(args) => calibrate::run(&args, settings),
-            Command::Doctor(args) => doctor::run(&args, settings),
+            Command::Doctor(args) => doctor::run(&args, settings, console),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, settings, console),
             Command::Check(args) => check::run(&args, settings),
@@ -211,7 +213,7 @@ impl Command {
             Command::Api(args) => api::run(&args),
             Command::Sim(args) => sim::run(&args, console),
             Command::Colour(args) => colour::run(&args, settings, console),
-            Command::Config(args) => config::run(&args, settings),
+            Command::Config(args) => config::run(&args, settings, console),
             Command::Completions(args) => completions::run(&args, command()),
         }
     }
@@ -244,9 +246,9 @@ pub fn main() -> ExitCode {
             return exit_of(&error).into();
         }
     };
-    let start_logging = |console: &Console, format| {
+    let start_logging = |console: &Console, format, detail| {
         report_panics(console.clone());
-        logging::start(console, format);
+        logging::start(console, format, detail);
     };
     execute(cli, Console::start, start_logging).into()
 }
@@ -300,7 +302,7 @@ fn exit_of(error: &clap::Error) -> Exit {
 fn execute<Guard>(
     cli: Cli,
     start_console: impl FnOnce(LogFormat) -> std::io::Result<Console>,
-    start_logging: impl FnOnce(&Console, LogFormat) -> Guard,
+    start_logging: impl FnOnce(&Console, LogFormat, Detail) -> Guard,
 ) -> Exit {
     let named = match cli.command {
         Command::Service(_) => None,
@@ -312,7 +314,11 @@ fn execute<Guard>(
     let Ok(console) = start_console(format) else {
         return Exit::Failed;
     };
-    let _logging = start_logging(&console, format);
+    let detail = match cli.command {
+        Command::Serve(_) => Detail::Service,
+        _ => Detail::Full,
+    };
+    let _logging = start_logging(&console, format, detail);
     let usable = if cli.command.uses_settings() {
         settings.warn_about_variables();
         Ok(())

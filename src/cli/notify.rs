@@ -19,6 +19,9 @@ use crate::notify::{BrokerPublisher, Delivery, Notice, Notifier, Options, Rule, 
 /// Time limit for the last deliveries at the end of a run.
 pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(3);
 
+/// The picture of a test: who tries out a target sees whether pictures arrive.
+const EXAMPLE: &[u8] = include_bytes!("../../behaviours/guide/pictures/seen.jpg");
+
 /// Send a message to some or all notification targets and print the result of each delivery
 ///
 /// Sends at once, without queue, rules or rate limits. The exit code is 4 if a delivery failed.
@@ -35,7 +38,7 @@ pub(super) struct TestArgs {
     #[arg(long, default_value = "a test of spykee's notifications")]
     text: String,
 
-    /// JPEG picture to attach
+    /// JPEG picture to attach [default: one of a simulated robot]
     #[arg(long, value_name = "FILE.jpg")]
     picture: Option<PathBuf>,
 }
@@ -46,13 +49,20 @@ pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, F
     let chosen = chosen(options, &args.targets)?;
     let tokens = tokens(settings, chosen.iter().copied())?;
     let publisher = publisher(settings)?;
+    let folder = tempfile::tempdir().map_err(|error| Failure::io("create a folder", error))?;
+    let picture = match &args.picture {
+        Some(picture) => absolute(picture)?,
+        None => example_in(folder.path())?,
+    };
     let notice = Notice {
         rule: Rule::Test,
         text: args.text.clone(),
         robot: "spykee".to_owned(),
-        at: Timestamp::now().as_millisecond(),
-        picture: args.picture.as_deref().map(absolute).transpose()?,
+        at: 0,
+        time: String::new(),
+        picture: Some(picture),
     };
+    let notice = notice.at(Timestamp::now(), &settings.config.zone());
     let mut exit = Exit::Done;
     let never = CancellationToken::new();
     for (name, target) in chosen {
@@ -67,6 +77,14 @@ pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, F
         print(&format!("{name}: {outcome}\n"))?;
     }
     Ok(exit)
+}
+
+/// Writes a picture to this folder, as if a script had saved it.
+fn example_in(folder: &Path) -> Result<PathBuf, Failure> {
+    let path = folder.join("test.jpg");
+    let written = std::fs::write(&path, EXAMPLE);
+    written.map_err(|error| Failure::unwritable(&path, error))?;
+    Ok(path)
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
@@ -101,15 +119,26 @@ fn chosen<'a>(
     names.iter().map(find).collect()
 }
 
-/// The notifications of a run, if the config wants any.
+/// The notifications of a run, if the config wants any. One that was found in the current folder may have
+/// come from anywhere: it sends nothing to anybody.
 pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
     let options = &settings.config.notify;
     if options.targets.is_empty() {
         return Ok(None);
     }
+    if let Some(config) = settings.found_file() {
+        let what = format_args!(
+            "the config {} would send messages and pictures to its targets, but was found in the \
+             current folder, not named",
+            config.display()
+        );
+        return Err(secret::refuse_found(config, what));
+    }
     let tokens = tokens(settings, &options.targets)?;
     let data = settings.config.data_folder();
-    let started = Notifier::start(bus, data, options, &tokens, &publisher(settings)?);
+    let zone = settings.config.zone();
+    let publisher = publisher(settings)?;
+    let started = Notifier::start(bus, data, zone, options, &tokens, &publisher);
     Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
 }
 

@@ -6,7 +6,7 @@ use std::io::{Read as _, Write as _};
 use std::os::fd::{AsRawFd as _, OwnedFd};
 use std::os::unix::ffi::{OsStrExt as _, OsStringExt};
 use std::os::unix::process::CommandExt as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
@@ -16,6 +16,7 @@ use rustix::io::{FdFlags, fcntl_setfd, ioctl_fionbio};
 use super::Failure;
 use crate::config::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
 use crate::files;
+use crate::service::{PASSWORD_CREDENTIAL, credential_name};
 
 /// Maximum size of a password file, bytes.
 const MAX_FILE_LEN: u64 = 4096;
@@ -97,11 +98,15 @@ pub(super) fn from_environment() -> Result<Option<String>, Failure> {
     text.map_err(|_| Failure::usage(format_args!("{PASSWORD_VARIABLE} is not UTF-8")))
 }
 
+/// The file of this credential, if systemd passes it to this service.
+fn credential(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("CREDENTIALS_DIRECTORY")?;
+    Some(Path::new(&folder).join(name)).filter(|path| path.exists())
+}
+
 /// The password from systemd: the credential `password` of a service's unit, if any.
 pub(super) fn from_credential() -> Result<Option<String>, Failure> {
-    let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
-    let path = folder.map(|folder| Path::new(&folder).join("password"));
-    let Some(path) = path.filter(|path| path.exists()) else {
+    let Some(path) = credential(PASSWORD_CREDENTIAL) else {
         return Ok(None);
     };
     let text = files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
@@ -119,7 +124,8 @@ pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file that the config names, if it names one. It must be a short regular file;
+/// The first line of a file that the config names, if it names one, or of the copy that systemd passes
+/// to this service. It must be a short regular file;
 /// for a config that was found in the current folder (`found_config`), not named, see
 /// [`from_found_file`].
 pub(super) fn from_optional_file(
@@ -131,6 +137,10 @@ pub(super) fn from_optional_file(
     };
     if let Some(config) = found_config {
         return from_found_file(path, config).map(Some);
+    }
+    if let Some(copy) = credential(&credential_name(path)) {
+        let text = files::read(&copy, MAX_FILE_LEN).map_err(|error| unreadable(&copy, &error))?;
+        return first_line(&copy, text).map(Some);
     }
     warn_if_shared(path);
     let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
@@ -205,7 +215,6 @@ mod tests {
     use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt as _, symlink};
-    use std::path::PathBuf;
 
     fn write(path: &PathBuf, mode: u32) {
         fs::write(path, "hunter2\nrest").unwrap();

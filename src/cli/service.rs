@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 
 use super::{Exit, Failure, print};
-use crate::service::unit;
+use crate::config::Config;
+use crate::service::{Credential, unit};
 
 #[derive(Debug, Clone, Subcommand)]
 pub(super) enum Action {
@@ -88,9 +89,31 @@ impl UnitArgs {
                 program.display()
             );
         }
-        let password = self.password_file.as_deref();
-        Ok(unit(&program, &self.config, password, self.user.as_deref()))
+        let password = self.password_file.clone().map(Credential::password);
+        let secrets = secrets(&self.config).into_iter();
+        let credentials: Vec<Credential> = password
+            .into_iter()
+            .chain(secrets.map(Credential::of_config))
+            .collect();
+        let user = self.user.as_deref();
+        Ok(unit(&program, &self.config, &credentials, user))
     }
+}
+
+/// The files with secrets that the config names, if it can be read. systemd passes them to the service,
+/// whose user could not read files of root.
+pub(super) fn secrets(file: &Path) -> Vec<PathBuf> {
+    let Ok(config) = Config::load(file) else {
+        return Vec::new();
+    };
+    let tokens = config.notify.targets.values().map(|one| &one.token_file);
+    let passwords = [&config.password_file, &config.mqtt.password_file];
+    passwords
+        .into_iter()
+        .chain(tokens)
+        .flatten()
+        .cloned()
+        .collect()
 }
 
 /// Parses a user name for systemd: it must be a single word on one line.
@@ -128,7 +151,11 @@ fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Fail
     let config = if config.exists() {
         String::new()
     } else {
-        format!("write its config, {}, and then\n", config.display())
+        format!(
+            "write its config, {}; if it names files with secrets, install the unit again with --force; \
+             and then\n",
+            config.display()
+        )
     };
     print(&format!(
         "wrote {}\n{config}sudo systemctl daemon-reload\nsudo systemctl enable --now {name}\n",

@@ -38,6 +38,10 @@ struct ServerArgs {
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
     listen: SocketAddr,
 
+    /// Identity of the robot: several robots at one broker need different ones
+    #[arg(long, value_name = "UID", default_value = "SPYKEE0001", value_parser = uid)]
+    uid: String,
+
     /// Seed for simulator noise; the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
@@ -52,6 +56,15 @@ struct ServerArgs {
 
     #[command(flatten)]
     login: LoginArgs,
+}
+
+/// Parses a robot's identity; it names files and topics.
+fn uid(text: &str) -> Result<String, &'static str> {
+    if (1..=32).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric()) {
+        Ok(text.to_owned())
+    } else {
+        Err("expected 1 to 32 letters and digits, such as SPYKEE0002")
+    }
 }
 
 /// Serves until interrupted, or looks at worlds.
@@ -71,6 +84,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         seed: args.seed,
         faults,
         firmware: args.firmware.load()?,
+        uid: args.uid.clone(),
         ..Options::default()
     };
     block_on(serve(world, options, console))?

@@ -76,7 +76,7 @@ fn refused(error: AccessError) -> Failure {
 
 /// Returns the address of a page that listens here, as other computers know it: instead of all
 /// addresses of this computer, its first one in a network.
-fn address_for_others(listen: SocketAddr) -> SocketAddr {
+pub(super) fn address_for_others(listen: SocketAddr) -> SocketAddr {
     if !listen.ip().is_unspecified() {
         return listen;
     }

@@ -94,7 +94,7 @@ impl Run {
                 name,
                 change,
                 lasts,
-            } => self.change(&name, change, lasts).await,
+            } => self.change(&name, change, lasts, by).await,
             RunRequest::Param { name, param, value } => {
                 RunResponse::from_result(self.roster.change_param(&name, &param, value))
             }
@@ -221,7 +221,13 @@ impl Run {
         }
     }
 
-    async fn change(&self, name: &str, change: Change, lasts: Option<Span>) -> RunResponse {
+    async fn change(
+        &self,
+        name: &str,
+        change: Change,
+        lasts: Option<Span>,
+        by: &str,
+    ) -> RunResponse {
         if change != Change::Stop && self.emergency_stop.is_on() {
             return RunResponse::refused(STOP_HOLDS);
         }
@@ -231,9 +237,9 @@ impl Run {
             return RunResponse::refused(why);
         }
         RunResponse::from_result(match change {
-            Change::Start => self.roster.start(name, lasts).await,
-            Change::Stop => self.roster.stop(name).await,
-            Change::Restart => self.roster.restart(name).await,
+            Change::Start => self.roster.start(name, lasts, by).await,
+            Change::Stop => self.roster.stop(name, by).await,
+            Change::Restart => self.roster.restart(name, by).await,
         })
     }
 
@@ -261,10 +267,10 @@ impl Run {
         answered.await.unwrap_or_else(|_| failed())
     }
 
-    /// Ends all behaviours, also those that start or restart at this moment.
+    /// Ends all behaviours in the name of `by`, also those that start or restart at this moment.
     /// The error says why a behaviour may still run.
-    pub async fn end_behaviours(&self) -> Result<(), String> {
-        match self.roster.stop_all().await {
+    pub async fn end_behaviours(&self, by: &str) -> Result<(), String> {
+        match self.roster.stop_all(by).await {
             // A run that is ending ends its behaviours itself.
             Ok(()) | Err(RosterError::Closed) => Ok(()),
             Err(RosterError::Busy) => {
@@ -412,6 +418,9 @@ impl Run {
             emergency_stop: status.emergency_stop,
             stop_confirmation: status.stop,
             battery,
+            battery_age: status
+                .level_told
+                .map(|at| now.saturating_duration_since(at).as_secs()),
             delays: status.delays.map(Into::into),
             tracks: [percent(tracks.left.get()), percent(tracks.right.get())],
             lights: status.actuators.lights,

@@ -43,6 +43,8 @@ pub struct RunStatus {
     pub stop_confirmation: StopConfirmation,
     /// The battery, if a plausible level is known.
     pub battery: Option<Battery>,
+    /// Whole seconds since the robot told that level.
+    pub battery_age: Option<u64>,
     /// How late the robot executes what it is sent, if its program answers.
     pub delays: Option<DelayReport>,
     /// The power of the left and the right track, percent.

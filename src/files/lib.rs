@@ -70,6 +70,15 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
     String::from_utf8(read(path, most)?).map_err(|_| ReadError::NoText)
 }
 
+/// Reads a JPEG that a script may have saved; `None` if it no longer exists or is none. No link in its
+/// folder is followed.
+pub fn read_jpeg(path: &Path, most: u64) -> Option<Vec<u8>> {
+    let name = path.file_name()?.to_str()?;
+    let read = Folder::open(path.parent()?).ok()?.read(name, most);
+    let bytes = read.ok().flatten()?;
+    bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
+}
+
 /// Reads a private file: it must belong to this user, with no access for the group or others.
 /// Refuses a symbolic link.
 pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {

@@ -16,12 +16,13 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::broadcast::Broadcast;
-use super::history::{self, History};
+use super::history::{self, Gallery, History};
 use super::scripts::{self, Text};
 use super::viewer::Viewer;
 use super::{connection, messages, mjpeg};
 use crate::control;
 use crate::http::{CAMERA, Me, Refusal, Role, Visitor};
+use crate::journal::JournalError;
 use crate::pilot::LinkState;
 
 /// Maximum number of days of history in one response.
@@ -75,7 +76,7 @@ impl Get {
 }
 
 /// Everything that programs can read here, the requests apart.
-fn gets() -> [Get; 8] {
+fn gets() -> [Get; 9] {
     let health = "Whether the program and the robot are up.";
     let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
                  with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
@@ -121,6 +122,13 @@ fn gets() -> [Get; 8] {
             parts,
             schema_of::<Option<History>>,
             get(history),
+        ),
+        Get::new(
+            "/api/pictures",
+            "The saved pictures from `?since=` to `&until=`, in milliseconds since 1970: those that were \
+             sent to people, and the others by run. Null without a journal.",
+            schema_of::<Option<Gallery>>,
+            get(pictures),
         ),
         Get::new(
             "/api/schedule",
@@ -216,8 +224,34 @@ async fn history(
     let running: Vec<String> = running.map(|one| one.name).collect();
     let history =
         move |data: &std::path::Path| history::read(data, days, Timestamp::now(), &running);
-    let history = read(&broadcast, history).await?;
-    history.map(Json).map_err(|error| {
+    answer_of_journal(read(&broadcast, history).await?)
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Period {
+    since: i64,
+    until: i64,
+}
+
+/// `None` without a journal.
+async fn pictures(
+    State(broadcast): Shared,
+    _: Visitor,
+    Query(period): Query<Period>,
+) -> Reply<Option<Gallery>> {
+    let moment = |at: i64| {
+        let wrong = |_| Refusal::new(StatusCode::BAD_REQUEST, "there is no such time");
+        Timestamp::from_millisecond(at).map_err(wrong)
+    };
+    let since = moment(period.since)?;
+    let until = moment(period.until)?;
+    let gallery = move |data: &std::path::Path| history::gallery(data, since, until);
+    answer_of_journal(read(&broadcast, gallery).await?)
+}
+
+fn answer_of_journal<T>(read: Result<T, JournalError>) -> Reply<T> {
+    read.map(Json).map_err(|error| {
         tracing::warn!("the page cannot read the journal: {error}");
         let words = "the journal cannot be read";
         Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words)
@@ -318,7 +352,7 @@ mod tests {
     fn every_request_is_described_with_its_fields_and_its_answer() {
         let document = openapi();
         let paths = document["paths"].as_object().unwrap();
-        assert_eq!(paths.len(), 23);
+        assert_eq!(paths.len(), 24);
         for (path, methods) in paths {
             for operation in methods.as_object().unwrap().values() {
                 let summary = operation["summary"].as_str().unwrap_or_default();

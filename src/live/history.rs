@@ -27,7 +27,9 @@ const PLOTTED: [&str; 4] = ["dock", "safety", "started", "ended"];
 const STARTS: usize = 6;
 /// Maximum size of a picture, in bytes.
 const MAX_PICTURE: u64 = 4 << 20;
-/// The kinds of events shown.
+/// Maximum number of records that a gallery is made of: the newest.
+const GALLERY: u32 = 4000;
+/// The kinds of events shown; pictures are in the gallery.
 const KINDS: [&str; 11] = [
     "dock",
     "undock",
@@ -38,7 +40,7 @@ const KINDS: [&str; 11] = [
     "stop_reset",
     "started",
     "ended",
-    "picture",
+    "notify",
     "lost",
 ];
 
@@ -95,14 +97,14 @@ impl Part {
 pub(super) struct HistoryEvent {
     /// The time, in milliseconds since 1970.
     pub at: i64,
-    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture`, `lost`,
+    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `notify`, `lost`,
     /// `stop_engaged`, or `stop_reset`.
     pub kind: String,
     /// The behaviour, if it is an event of one.
     pub behaviour: String,
     /// The result, the action of the watchdog, or the reason.
     pub code: String,
-    /// A text, possibly empty; for a picture, its file name.
+    /// A text, such as who wanted it, possibly empty.
     pub text: String,
 }
 
@@ -265,21 +267,116 @@ fn event(record: &Record) -> HistoryEvent {
         texts.into_iter().find(|text| !text.is_empty())
     };
     let code = first(&["end", "action", "reason"]).unwrap_or_default();
-    let name = |path: &str| {
-        let name = Path::new(path).file_name();
-        name.map(|name| name.to_string_lossy().into_owned())
-    };
-    let text = match record.kind() {
-        "picture" => name(record.text("path")).unwrap_or_default(),
-        _ => record.text("message").to_owned(),
-    };
+    let text = first(&["message", "text", "by"]).unwrap_or_default();
     HistoryEvent {
         at: record.at.as_millisecond(),
         kind: record.kind().to_owned(),
         behaviour: record.text("behaviour").to_owned(),
         code: code.to_owned(),
-        text,
+        text: text.to_owned(),
     }
+}
+
+/// The pictures of a period.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Gallery {
+    /// Those that scripts have sent to people; newest first.
+    pub alarms: Vec<SavedPicture>,
+    /// All others, by run; newest run first.
+    pub runs: Vec<RunPictures>,
+}
+
+/// The pictures of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct RunPictures {
+    /// The behaviour.
+    pub behaviour: String,
+    /// When it was started, or saved its first picture of the period; milliseconds since 1970.
+    pub began: i64,
+    /// Oldest first.
+    pub pictures: Vec<SavedPicture>,
+}
+
+/// A picture that a behaviour has saved.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct SavedPicture {
+    /// The time, in milliseconds since 1970.
+    pub at: i64,
+    /// The behaviour.
+    pub behaviour: String,
+    /// The name of its file.
+    pub name: String,
+    /// What people were told with it; empty if it was not sent.
+    pub text: String,
+}
+
+/// Returns the pictures of a period, if there is a journal.
+pub(super) fn gallery(
+    data: &Path,
+    since: Timestamp,
+    until: Timestamp,
+) -> Result<Option<Gallery>, JournalError> {
+    let Some(history) = JournalReader::open(data)? else {
+        return Ok(None);
+    };
+    let span = Span {
+        since: Some(since),
+        until: Some(until),
+        newest: Some(GALLERY),
+        ..Span::default()
+    };
+    let records = history.records(&["started", "picture", "notify"], &span)?;
+    Ok(Some(gallery_of(&records)))
+}
+
+fn gallery_of(records: &[Record]) -> Gallery {
+    let mut gallery = Gallery::default();
+    let mut began = BTreeMap::new();
+    for record in records {
+        let at = record.at.as_millisecond();
+        let behaviour = record.text("behaviour").to_owned();
+        if record.kind() == "started" {
+            began.insert(behaviour, at);
+            continue;
+        }
+        let saved = |path: &str| {
+            let name = Path::new(path).file_name()?.to_string_lossy().into_owned();
+            Some(SavedPicture {
+                at,
+                behaviour: behaviour.clone(),
+                name,
+                text: record.text("text").to_owned(),
+            })
+        };
+        if record.kind() == "notify" {
+            gallery.alarms.extend(saved(record.text("picture")));
+            continue;
+        }
+        let Some(picture) = saved(record.text("path")) else {
+            continue;
+        };
+        let began = *began.entry(behaviour.clone()).or_insert(at);
+        let is_run = |run: &&mut RunPictures| run.behaviour == behaviour && run.began == began;
+        match gallery.runs.iter_mut().find(is_run) {
+            Some(run) => run.pictures.push(picture),
+            None => gallery.runs.push(RunPictures {
+                behaviour,
+                began,
+                pictures: vec![picture],
+            }),
+        }
+    }
+    for run in &mut gallery.runs {
+        let is_alarm = |one: &SavedPicture| {
+            let mut alarms = gallery.alarms.iter();
+            alarms.any(|alarm| alarm.behaviour == one.behaviour && alarm.name == one.name)
+        };
+        run.pictures.retain(|picture| !is_alarm(picture));
+    }
+    gallery.runs.retain(|run| !run.pictures.is_empty());
+    gallery.alarms.reverse();
+    gallery.runs.reverse();
+    gallery
 }
 
 /// Reads a picture that a behaviour has saved; `None` if there is none of this name.
@@ -381,6 +478,53 @@ mod tests {
         let dock = record(1, minute(10), json!({"event": "dock", "end": "done"}));
         let killed = [started(1, minute(8)), dock, started(2, minute(50))];
         assert_eq!(minutes(&plot(&killed, minute(60), &["patrol"])), 12.0);
+    }
+
+    #[test]
+    fn pictures_are_sorted_by_run_and_those_that_were_sent_come_first() {
+        let started =
+            |at, behaviour| record(1, at, json!({"event": "started", "behaviour": behaviour}));
+        let saved = |at, behaviour, name| {
+            let path = format!("/data/{behaviour}/{name}.jpg");
+            record(
+                1,
+                at,
+                json!({"event": "picture", "behaviour": behaviour, "path": path}),
+            )
+        };
+        let told = record(
+            1,
+            21,
+            json!({"event": "notify", "behaviour": "guard", "text": "something moves", "picture": "/data/guard/a.jpg"}),
+        );
+        let silent =
+            json!({"event": "notify", "behaviour": "guard", "text": "hello", "picture": null});
+        let gallery = gallery_of(&[
+            saved(5, "guard", "old"),
+            started(10, "patrol"),
+            saved(11, "patrol", "1"),
+            saved(12, "patrol", "2"),
+            saved(20, "guard", "a"),
+            told,
+            record(1, 22, silent),
+            started(30, "patrol"),
+            saved(31, "patrol", "3"),
+        ]);
+        let alarm = &gallery.alarms[0];
+        assert_eq!((gallery.alarms.len(), &*alarm.text), (1, "something moves"));
+        let runs = gallery.runs.iter().map(|run| {
+            let names = run.pictures.iter().map(|one| one.name.as_str());
+            (&*run.behaviour, run.began, names.collect::<Vec<_>>())
+        });
+        let runs: Vec<_> = runs.collect();
+        assert_eq!(
+            runs,
+            [
+                ("patrol", 30, vec!["3.jpg"]),
+                ("patrol", 10, vec!["1.jpg", "2.jpg"]),
+                ("guard", 5, vec!["old.jpg"]),
+            ]
+        );
     }
 
     #[test]

@@ -54,15 +54,15 @@ pub fn tap() -> Option<mpsc::Receiver<Line>> {
 }
 
 /// The module that logs lights and sounds. A patrol switches its light at every picture: of 4,196
-/// lines, most were of these. The page draws them instead.
-const DRAWN: &str = "spykee::pilot::status";
+/// lines, most were of these. The page draws them instead, and a service's log leaves them out.
+pub const LIGHTS_AND_SOUNDS: &str = "spykee::pilot::status";
 
 impl<S: Subscriber> Layer<S> for LogTap {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let Some(lines) = TAP.get() else {
             return;
         };
-        if event.metadata().target() == DRAWN {
+        if event.metadata().target() == LIGHTS_AND_SOUNDS {
             return;
         }
         let mut fields = EventFields::default();

@@ -7,7 +7,7 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use axum::http::header;
-use axum::routing::get;
+use axum::routing::{MethodRouter, get};
 use axum::{Router, middleware};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -160,10 +160,12 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/connection.js", JS, include_str!("page/connection.js")),
     ("/dom.js", JS, include_str!("page/dom.js")),
     ("/drive.js", JS, include_str!("page/drive.js")),
+    ("/gallery.js", JS, include_str!("page/gallery.js")),
     ("/log.js", JS, include_str!("page/log.js")),
     ("/login.js", JS, include_str!("page/login.js")),
     ("/map.js", JS, include_str!("page/map.js")),
     ("/history.js", JS, include_str!("page/history.js")),
+    ("/photo.js", JS, include_str!("page/photo.js")),
     ("/robot.js", JS, include_str!("page/robot.js")),
     ("/script.js", JS, include_str!("page/script.js")),
     ("/stop.js", JS, include_str!("page/stop.js")),
@@ -171,18 +173,25 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/texts.js", JS, include_str!("page/texts.js")),
 ];
 const JS: &str = "text/javascript; charset=utf-8";
+/// The icon for iOS, which draws no SVG on its home screen.
+const ICON: &[u8] = include_bytes!("page/icon.png");
 
 pub(super) fn routes() -> Router {
-    FILES
+    let files = FILES
         .iter()
         .fold(Router::new(), |router, &(path, kind, content)| {
-            // Another version of the program has other files.
-            let headers = [
-                (header::CONTENT_TYPE, kind),
-                (header::CACHE_CONTROL, "no-cache"),
-            ];
-            router.route(path, get(move || async move { (headers, content) }))
-        })
+            router.route(path, served(kind, content.as_bytes()))
+        });
+    files.route("/icon.png", served("image/png", ICON))
+}
+
+fn served(kind: &'static str, content: &'static [u8]) -> MethodRouter {
+    // Another version of the program has other files.
+    let headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::CACHE_CONTROL, "no-cache"),
+    ];
+    get(move || async move { (headers, content) })
 }
 
 #[cfg(test)]
@@ -205,6 +214,17 @@ mod tests {
                 assert_eq!(content.matches("<script").count(), 1, "{path}");
             }
         }
+    }
+
+    #[test]
+    fn phones_of_both_kinds_find_an_icon_that_is_served() {
+        let content = |path: &str| FILES.iter().find(|file| file.0 == path).unwrap().2;
+        let link = "<link rel=\"apple-touch-icon\" href=\"/icon.png\">";
+        assert!(content("/").contains(link));
+        assert!(content("/manifest.webmanifest").contains("\"/icon.png\""));
+        assert!(ICON.starts_with(b"\x89PNG\r\n\x1a\n"));
+        // Width and height (PNG, 11.2.1), as the manifest says.
+        assert_eq!(&ICON[16..24], [0, 0, 0, 180, 0, 0, 0, 180]);
     }
 
     #[test]

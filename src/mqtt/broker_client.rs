@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rand::SeedableRng;
@@ -21,6 +22,7 @@ use super::topics::{Presence, Topics};
 use crate::agent::BehaviourStatus;
 use crate::clock::until;
 use crate::control::{Run, RunRequest, RunResponse};
+use crate::files;
 use crate::rate_limit::{Backoff, Budget};
 use crate::robot::{AgentEvent, Bus, BusMessage, Listener, RobotInfo};
 use crate::side_thread::SideThread;
@@ -46,6 +48,8 @@ pub(super) struct BrokerClient {
     commands: JoinSet<FinishedCommand>,
     /// The command that drives the robot.
     driving: Option<AbortHandle>,
+    /// Pictures of alarms that are being read from the disk.
+    alarms: JoinSet<Option<Vec<u8>>>,
     robot: Option<RobotInfo>,
     topics: Topics,
     phase: Phase,
@@ -78,6 +82,7 @@ impl BrokerClient {
             account,
             commands: JoinSet::new(),
             driving: None,
+            alarms: JoinSet::new(),
             run,
             listener,
             report: Report::default(),
@@ -108,6 +113,7 @@ impl BrokerClient {
                     None => self.connect(),
                 },
                 finished = next_finished(&mut self.commands) => self.answer(finished),
+                Some(read) = self.alarms.join_next() => self.show_alarm(read.ok().flatten()),
                 message = self.listener.next() => match message {
                     BusMessage::Event(one) => self.handle_event(&one.what),
                     BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
@@ -124,11 +130,38 @@ impl BrokerClient {
 
     fn handle_event(&mut self, what: &AgentEvent) {
         self.report.record_event(what);
-        if let AgentEvent::LinkUp { robot, .. } = what {
-            self.adopt_robot(robot.clone());
+        match what {
+            AgentEvent::LinkUp { robot, .. } => self.adopt_robot(robot.clone()),
+            AgentEvent::Notify {
+                picture: Some(path),
+                ..
+            } => self.read_alarm(path.clone()),
+            _ => {}
         }
         self.announce(what);
         self.schedule_publish();
+    }
+
+    /// Has the picture that a script sends to people read, unless the disk is slow.
+    fn read_alarm(&mut self, path: PathBuf) {
+        if self.alarms.len() < MAX_ALARMS {
+            self.alarms
+                .spawn_blocking(move || files::read_jpeg(&path, LARGEST_PICTURE));
+        }
+    }
+
+    /// The broker keeps it: whoever looks later sees the last alarm.
+    fn show_alarm(&mut self, jpeg: Option<Vec<u8>>) {
+        let Phase::Up(connection, _) = &self.phase else {
+            return;
+        };
+        if jpeg.is_some_and(|jpeg| {
+            connection
+                .retain(&self.topics.named("alarm"), jpeg)
+                .is_err()
+        }) {
+            debug!("the broker is slow: the picture of an alarm was dropped");
+        }
     }
 
     /// Takes over the identity of the robot, whose uid is the agent's name at the broker.
@@ -194,6 +227,8 @@ impl BrokerClient {
     /// Publishes what the broker does not know yet, in order; the rest later if the queue is full.
     fn publish(&mut self) {
         self.due = None;
+        let statuses = self.statuses();
+        self.report.observe(&self.run.status.borrow(), &statuses);
         if self.try_publish() == Err(QueueFull) {
             self.schedule_publish();
         }
@@ -214,15 +249,17 @@ impl BrokerClient {
             }
             self.subscribed = true;
         }
-        let statuses = self.run.roster.statuses().borrow().clone();
+        let statuses = self.statuses();
         let names: Vec<String> = statuses.iter().map(|one| one.name.clone()).collect();
-        let next = self.run.view.borrow().next.clone();
         let status = *self.run.status.borrow();
-        let state = self.report.state(&status, &statuses, next.as_ref());
+        let state = self
+            .report
+            .state(&status, &statuses, &self.run.view.borrow());
+        let page = self.account.page.as_deref();
         for (topic, payload) in [
             (
                 topics.discovery(),
-                discovery(topics, robot, &names).to_string(),
+                discovery(topics, robot, &names, page).to_string(),
             ),
             (topics.named("state"), state.to_string()),
             (
@@ -275,11 +312,13 @@ impl BrokerClient {
             // A broker may send anything; we did not subscribe to this topic.
             return;
         }
-        if message.retain {
+        // A choice moves nothing, however old it is: the broker keeps it for the next run.
+        if message.retain && !is_choice {
             let topic = &message.topic;
-            return self.log.warn(&format!(
+            self.log.warn(&format!(
                 "a retained command is ignored, because it may be old: {topic}"
             ));
+            return;
         }
         let handled = if is_choice {
             self.choose(&message.payload)
@@ -288,8 +327,21 @@ impl BrokerClient {
         };
         if let Err(error) = handled {
             let line = format!("invalid command from the broker: {error}");
-            self.log.warn(&line);
+            if self.log.warn(&line) {
+                self.refuse(&message.payload, error);
+            }
         }
+    }
+
+    /// Answers what is no command.
+    fn refuse(&mut self, payload: &[u8], error: String) {
+        let words = String::from_utf8_lossy(payload);
+        let command = BrokerCommand {
+            command: words.chars().take(LONGEST_QUOTE).collect(),
+            id: None,
+        };
+        let response = RunResponse::Refused { error };
+        self.publish_answer(FinishedCommand { command, response });
     }
 
     fn choose(&mut self, payload: &[u8]) -> Result<(), String> {
@@ -308,7 +360,8 @@ impl BrokerClient {
         let words = &command.command;
         let line = format!("a person's command from the broker: {words}");
         self.log.info(&line);
-        let request = match self.report.chosen(&self.statuses()) {
+        let always = self.run.view.borrow().always.clone();
+        let request = match self.report.chosen(&self.statuses(), &always) {
             None if words == "start" => Err("there is no behaviour to start".to_owned()),
             chosen => command.request(&chosen.unwrap_or_default()),
         };
@@ -363,6 +416,11 @@ impl BrokerClient {
             let line = format!("the command `{command}` from the broker was not executed: {why}");
             self.log.warn(&line);
         }
+        self.publish_answer(finished);
+    }
+
+    fn publish_answer(&mut self, finished: FinishedCommand) {
+        let result = finished.result();
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
@@ -438,10 +496,13 @@ impl LimitedLog {
         }
     }
 
-    fn warn(&mut self, line: &str) {
-        if let Some(dropped) = self.take(line, Instant::now()) {
+    /// Returns whether there was room for the line.
+    fn warn(&mut self, line: &str) -> bool {
+        let dropped = self.take(line, Instant::now());
+        if let Some(dropped) = &dropped {
             warn!("{line}{dropped}");
         }
+        dropped.is_some()
     }
 
     /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
@@ -470,6 +531,11 @@ pub fn start(bus: &Bus, run: Run, account: Account) -> io::Result<SideThread> {
 const MAX_TASKS: usize = 8;
 /// Maximum number of commands in progress including stops; another stop would change nothing.
 const MAX_STOPS: usize = 32;
+/// Maximum number of pictures that are read at a time, and their largest size in bytes.
+const MAX_ALARMS: usize = 2;
+const LARGEST_PICTURE: u64 = 1 << 20;
+/// How much of an invalid command its answer repeats, in characters.
+const LONGEST_QUOTE: usize = 40;
 
 pub(super) struct FinishedCommand {
     command: BrokerCommand,
@@ -513,7 +579,7 @@ async fn perform(run: &Run, request: RunRequest) -> RunResponse {
     let response = run.perform(request, BROKER).await;
     // A stop also ends all behaviours.
     if let RunResponse::Stopped { outcome, .. } = &response
-        && let Err(why) = run.end_behaviours().await
+        && let Err(why) = run.end_behaviours(BROKER).await
     {
         let error = format!("{outcome}; but {why}");
         return RunResponse::Refused { error };

@@ -34,6 +34,8 @@ pub struct Account {
     pub options: config::Mqtt,
     pub password: Option<String>,
     pub ca: Option<Vec<u8>>,
+    /// The address of the run's page, if other computers can open it.
+    pub page: Option<String>,
 }
 
 impl std::fmt::Debug for Account {

@@ -7,8 +7,9 @@ use serde_json::{Value, json};
 use super::topics::{Presence, Topics};
 use crate::robot::RobotInfo;
 
-/// The event types of the event entity; battery and watchdog are in the state.
-pub(super) const EVENTS: [&str; 14] = [
+/// The event types of the event entity. Battery and watchdog are in the state, and a patrol saves two
+/// thousand pictures a day.
+pub(super) const EVENTS: [&str; 13] = [
     "link_up",
     "link_down",
     "safety",
@@ -20,22 +21,31 @@ pub(super) const EVENTS: [&str; 14] = [
     "start_missed",
     "stop_engaged",
     "stop_reset",
-    "picture",
     "entry",
     "notify",
 ];
 
-pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
+/// `page` is the address of the page, if other computers can open it.
+pub(super) fn discovery(
+    topics: &Topics,
+    robot: &RobotInfo,
+    behaviours: &[String],
+    page: Option<&str>,
+) -> Value {
     let online = Presence::Online.word();
+    let mut device = json!({
+        "identifiers": [format!("spykee_{}", topics.id)],
+        "name": robot.name,
+        "manufacturer": "Meccano",
+        "model": "Spykee",
+        "serial_number": robot.uid,
+        "sw_version": robot.firmware,
+    });
+    if let Some(page) = page {
+        device["configuration_url"] = page.into();
+    }
     json!({
-        "device": {
-            "identifiers": [format!("spykee_{}", topics.id)],
-            "name": robot.name,
-            "manufacturer": "Meccano",
-            "model": "Spykee",
-            "serial_number": robot.uid,
-            "sw_version": robot.firmware,
-        },
+        "device": device,
         "origin": { "name": "spykee", "sw_version": env!("CARGO_PKG_VERSION") },
         "availability": [{
             "topic": topics.named("connection"),
@@ -59,6 +69,8 @@ fn components(topics: &Topics, behaviours: &[String]) -> Value {
             "value_template": "{{ value_json.behaviour }}",
             "command_topic": topics.named("behaviour/set"),
             "options": behaviours,
+            // The broker keeps the choice, also while no run is active.
+            "retain": true,
             "icon": "mdi:script-text-play-outline",
         });
         entities.push(("select", "behaviour", "Behaviour".into(), select));
@@ -82,10 +94,12 @@ fn robot(topics: &Topics) -> Vec<Entity> {
         "supported_features": ["start", "stop", "return_home", "locate"],
     });
     let camera = json!({ "topic": topics.named("picture") });
+    let alarm = json!({ "image_topic": topics.named("alarm"), "content_type": "image/jpeg" });
     let event = json!({ "state_topic": topics.named("event"), "event_types": EVENTS });
     vec![
         ("vacuum", "robot", Value::Null, vacuum),
         ("camera", "camera", "Camera".into(), camera),
+        ("image", "alarm", "Last alarm".into(), alarm),
         ("event", "event", "Last event".into(), event),
     ]
 }
@@ -163,7 +177,8 @@ mod tests {
     fn the_discovery_payload_is_exactly_the_golden_one() {
         let topics = Topics::new("SPYKEE0001");
         let behaviours = ["patrol".to_owned(), "guard".to_owned()];
-        let mut payload = discovery(&topics, &robot(), &behaviours);
+        let page = Some("http://192.168.1.7:7788/");
+        let mut payload = discovery(&topics, &robot(), &behaviours, page);
         // Changes with each release.
         payload["origin"]["sw_version"] = "0".into();
         let golden: Value = serde_json::from_str(GOLDEN).unwrap();
@@ -175,7 +190,8 @@ mod tests {
     #[test]
     fn without_behaviours_there_is_no_select_entity() {
         let topics = Topics::new("SPYKEE0001");
-        let payload = discovery(&topics, &robot(), &[]);
+        let payload = discovery(&topics, &robot(), &[], None);
+        assert_eq!(payload["device"]["configuration_url"], Value::Null);
         assert_eq!(payload["components"]["behaviour"], Value::Null);
         assert!(payload["components"]["robot"].is_object());
     }

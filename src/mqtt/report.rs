@@ -7,9 +7,9 @@ use serde_json::{Value, json};
 use crate::agent::BehaviourStatus;
 use crate::behaviour::is_failure;
 use crate::pilot::{LinkState, Status};
-use crate::robot::{AgentEvent, DockEnd, Percent};
+use crate::robot::{AgentEvent, DockEnd, Percent, Setpoint};
 use crate::safety::WatchdogState;
-use crate::timetable::NextStart;
+use crate::timetable::View;
 
 /// Maximum number of behaviours whose failures are remembered.
 const MAX_FAILURES: usize = 32;
@@ -27,6 +27,9 @@ pub(super) struct Report {
     stopped_by: Option<String>,
     /// The behaviour chosen for `start`, if any.
     chosen: Option<String>,
+    running: Vec<String>,
+    /// Whether what runs has driven: behaviours that only watch do no job that a person waits for.
+    drives: bool,
 }
 
 impl Report {
@@ -44,7 +47,7 @@ impl Report {
             AgentEvent::StopEngaged { by } => self.stopped_by = Some(by.clone()),
             AgentEvent::StopReset { .. } => self.stopped_by = None,
             AgentEvent::Watchdog { docked: true, .. } => self.dock = None,
-            AgentEvent::Started { behaviour } => {
+            AgentEvent::Started { behaviour, .. } => {
                 self.failures.remove(behaviour);
             }
             AgentEvent::Ended {
@@ -70,11 +73,26 @@ impl Report {
         }
     }
 
-    /// Returns the behaviour that `start` starts: the chosen one, or else the first.
-    pub(super) fn chosen(&self, statuses: &[BehaviourStatus]) -> Option<String> {
+    /// Takes in the newest state; the others are told of it in [`Report::state`].
+    pub(super) fn observe(&mut self, status: &Status, statuses: &[BehaviourStatus]) {
+        let running = statuses.iter().filter(|one| one.state.is_running());
+        let running: Vec<String> = running.map(|one| one.name.clone()).collect();
+        if running != self.running || status.docked {
+            self.drives = false;
+        }
+        let moves = status.actuators.tracks != Setpoint::STOP;
+        self.drives |= moves && status.safety == WatchdogState::Free && !running.is_empty();
+        self.running = running;
+    }
+
+    /// Returns the behaviour that `start` starts: the chosen one, or else the first that is not always
+    /// on.
+    pub(super) fn chosen(&self, statuses: &[BehaviourStatus], always: &[String]) -> Option<String> {
         let is_chosen = |one: &&BehaviourStatus| Some(&one.name) == self.chosen.as_ref();
-        let chosen = statuses.iter().find(is_chosen).or(statuses.first());
-        chosen.map(|one| one.name.clone())
+        let is_asked = |one: &&BehaviourStatus| !always.contains(&one.name);
+        let chosen = statuses.iter().find(is_chosen);
+        let chosen = chosen.or_else(|| statuses.iter().find(is_asked));
+        chosen.or(statuses.first()).map(|one| one.name.clone())
     }
 
     /// Chooses the behaviour that `start` starts. Returns false if no behaviour has this name.
@@ -124,13 +142,12 @@ impl Report {
         &self,
         status: &Status,
         statuses: &[BehaviourStatus],
-        next: Option<&NextStart>,
+        view: &View,
     ) -> Value {
-        let running = statuses.iter().filter(|one| one.state.is_running());
-        let running: Vec<&str> = running.map(|one| one.name.as_str()).collect();
         let reason = self.reason(status);
+        let next = view.next.as_ref();
         json!({
-            "state": activity(status, !running.is_empty()),
+            "state": activity(status, self.drives),
             "battery": status.battery.and_then(|battery| battery.percent).map(Percent::get),
             "charging": status.battery.is_some_and(|battery| battery.charging),
             "docked": status.docked,
@@ -142,8 +159,8 @@ impl Report {
             "dock_state": status.dock_state.to_string(),
             "problem": reason.is_some(),
             "reason": reason,
-            "running": running,
-            "behaviour": self.chosen(statuses),
+            "running": self.running,
+            "behaviour": self.chosen(statuses, &view.always),
             "next": next.map(|next| next.at.to_string()),
             "next_behaviour": next.map(|next| &next.behaviour),
         })
@@ -151,13 +168,13 @@ impl Report {
 }
 
 /// Returns the activity in Home Assistant's terms for a vacuum.
-fn activity(status: &Status, running: bool) -> &'static str {
+fn activity(status: &Status, drives: bool) -> &'static str {
     match (status.link, status.safety) {
         (LinkState::Connecting | LinkState::Lost, _) | (_, WatchdogState::Alarm) => "error",
         _ if status.emergency_stop => "error",
         (_, WatchdogState::Docking | WatchdogState::LowGoingHome) => "returning",
         _ if status.docked => "docked",
-        _ if running => "cleaning",
+        _ if drives => "cleaning",
         _ => "idle",
     }
 }
@@ -166,7 +183,9 @@ fn activity(status: &Status, running: bool) -> &'static str {
 mod tests {
     use super::*;
     use crate::agent::BehaviourState;
+    use crate::pilot::ActuatorState;
     use crate::robot::{Battery, BehaviourId, EndReason, Percent, Priority};
+    use crate::timetable::NextStart;
     use tokio::time::Instant;
 
     fn up(safety: WatchdogState) -> Status {
@@ -179,6 +198,18 @@ mod tests {
                 minutes_left: None,
             }),
             ..Status::default()
+        }
+    }
+
+    fn moving(status: Status) -> Status {
+        let tracks = Setpoint::from_percent(30.0, 30.0).unwrap();
+        let actuators = ActuatorState {
+            tracks,
+            ..status.actuators
+        };
+        Status {
+            actuators,
+            ..status
         }
     }
 
@@ -203,14 +234,17 @@ mod tests {
             reason,
             message: Some("patrol.lua:3: no".to_owned()),
             seconds: 1.0,
+            by: None,
         }
     }
 
     #[test]
     fn the_activity_is_in_home_assistants_terms() {
-        let report = Report::default();
         let activity_of = |status: Status, runs| {
-            let state = report.state(&status, &[behaviour_status("patrol", runs)], None);
+            let mut report = Report::default();
+            let statuses = [behaviour_status("patrol", runs)];
+            report.observe(&moving(status), &statuses);
+            let state = report.state(&status, &statuses, &View::default());
             state["state"].as_str().unwrap().to_owned()
         };
         assert_eq!(activity_of(Status::default(), true), "error");
@@ -229,12 +263,34 @@ mod tests {
     }
 
     #[test]
+    fn a_behaviour_that_only_watches_does_not_clean() {
+        let mut report = Report::default();
+        let free = up(WatchdogState::Free);
+        let guard = behaviour_status("guard", true);
+        let both = [guard.clone(), behaviour_status("patrol", true)];
+        let alone = [guard, behaviour_status("patrol", false)];
+        let mut state_of = |status: Status, statuses: &[BehaviourStatus]| {
+            report.observe(&status, statuses);
+            let state = report.state(&status, statuses, &View::default());
+            state["state"].as_str().unwrap().to_owned()
+        };
+        assert_eq!(state_of(free, &alone), "idle");
+        assert_eq!(state_of(moving(free), &both), "cleaning");
+        assert_eq!(state_of(free, &both), "cleaning", "it looks around");
+        assert_eq!(state_of(free, &alone), "idle");
+        // On its way home it moves, too.
+        let home = up(WatchdogState::Docking);
+        assert_eq!(state_of(moving(home), &alone), "returning");
+        assert_eq!(state_of(free, &alone), "idle");
+    }
+
+    #[test]
     fn a_problem_has_its_reason_until_it_is_over() {
         let mut report = Report::default();
         let free = up(WatchdogState::Free);
-        assert_eq!(report.state(&free, &[], None)["problem"], false);
+        assert_eq!(report.state(&free, &[], &View::default())["problem"], false);
         report.record_event(&ended(EndReason::Error));
-        let state = report.state(&free, &[], None);
+        let state = report.state(&free, &[], &View::default());
         assert_eq!(state["reason"], "patrol failed: patrol.lua:3: no");
         let lost = Status {
             link: LinkState::Lost,
@@ -242,13 +298,19 @@ mod tests {
         };
         let reason = "no answer".to_owned();
         report.record_event(&AgentEvent::LinkDown { reason });
-        let state = report.state(&lost, &[], None);
+        let state = report.state(&lost, &[], &View::default());
         assert_eq!(state["reason"], "the robot is out of reach: no answer");
         let behaviour = "patrol".to_owned();
-        report.record_event(&AgentEvent::Started { behaviour });
-        assert_eq!(report.state(&free, &[], None)["reason"], Value::Null);
+        report.record_event(&AgentEvent::Started {
+            behaviour,
+            by: None,
+        });
+        assert_eq!(
+            report.state(&free, &[], &View::default())["reason"],
+            Value::Null
+        );
         report.record_event(&ended(EndReason::Cancelled));
-        assert_eq!(report.state(&free, &[], None)["problem"], false);
+        assert_eq!(report.state(&free, &[], &View::default())["problem"], false);
     }
 
     #[test]
@@ -260,7 +322,7 @@ mod tests {
         };
         let by = "the page, token sofa".to_owned();
         report.record_event(&AgentEvent::StopEngaged { by });
-        let state = report.state(&stopped, &[], None);
+        let state = report.state(&stopped, &[], &View::default());
         assert_eq!(
             (&state["problem"], &state["state"]),
             (&true.into(), &"error".into())
@@ -272,7 +334,7 @@ mod tests {
         );
         let by = "the MQTT broker".to_owned();
         report.record_event(&AgentEvent::StopReset { by });
-        let state = report.state(&up(WatchdogState::Free), &[], None);
+        let state = report.state(&up(WatchdogState::Free), &[], &View::default());
         assert_eq!(
             (&state["problem"], &state["emergency_stop"]),
             (&false.into(), &false.into())
@@ -280,26 +342,32 @@ mod tests {
     }
 
     #[test]
-    fn start_starts_the_chosen_behaviour_or_else_the_first() {
+    fn start_starts_the_chosen_behaviour_or_else_the_first_that_is_not_always_on() {
         let mut report = Report::default();
         let statuses = [behaviour_status("a", false), behaviour_status("b", false)];
-        assert_eq!(report.chosen(&[]), None);
-        assert_eq!(report.chosen(&statuses).as_deref(), Some("a"));
+        let always = ["a".to_owned()];
+        assert_eq!(report.chosen(&[], &[]), None);
+        assert_eq!(report.chosen(&statuses, &[]).as_deref(), Some("a"));
+        assert_eq!(report.chosen(&statuses, &always).as_deref(), Some("b"));
+        assert_eq!(report.chosen(&statuses[..1], &always).as_deref(), Some("a"));
         assert!(report.choose("b", &statuses) && !report.choose("c", &statuses));
-        assert_eq!(report.chosen(&statuses).as_deref(), Some("b"));
-        assert_eq!(report.chosen(&statuses[..1]).as_deref(), Some("a"));
+        assert_eq!(report.chosen(&statuses, &[]).as_deref(), Some("b"));
+        assert_eq!(report.chosen(&statuses[..1], &[]).as_deref(), Some("a"));
     }
 
     #[test]
     fn the_next_start_has_the_time_format_of_home_assistant() {
-        let next = NextStart {
-            at: jiff::Timestamp::from_second(1_790_000_000).unwrap(),
-            behaviour: "patrol".to_owned(),
+        let view = View {
+            next: Some(NextStart {
+                at: jiff::Timestamp::from_second(1_790_000_000).unwrap(),
+                behaviour: "patrol".to_owned(),
+            }),
+            ..View::default()
         };
-        let state = Report::default().state(&Status::default(), &[], Some(&next));
+        let state = Report::default().state(&Status::default(), &[], &view);
         assert_eq!(state["next"], "2026-09-21T14:13:20Z");
         assert_eq!(state["next_behaviour"], "patrol");
-        let state = Report::default().state(&Status::default(), &[], None);
+        let state = Report::default().state(&Status::default(), &[], &View::default());
         assert_eq!(state["next"], Value::Null);
     }
 }

@@ -22,7 +22,7 @@ impl Topics {
     }
 
     /// The topic of this name: `connection` (the agent's [`Presence`]), `state`, `event`, `picture`,
-    /// `answer`, `command`, or `behaviour/set` (the behaviour that `start` starts).
+    /// `alarm` (the last picture that a script sent to people), `answer`, `command`, or `behaviour/set` (the behaviour that `start` starts).
     pub(super) fn named(&self, name: &str) -> String {
         format!("{PREFIX}/{}/{name}", self.id)
     }

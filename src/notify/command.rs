@@ -47,7 +47,7 @@ pub(super) fn send(
         .args(arguments)
         .env(EVENT, notice.rule.name())
         .env(ROBOT_NAME, notice.robot.replace('\0', ""))
-        .env(TIME, notice.time())
+        .env(TIME, &notice.time)
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -110,6 +110,7 @@ mod tests {
             text: "a text; rm -rf *".to_owned(),
             robot: "Rover".to_owned(),
             at: 0,
+            time: String::new(),
             picture: None,
         };
         let picture = Path::new("/data/1.jpg");

@@ -17,6 +17,8 @@ use jiff::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::clock::Zone;
+
 pub use command::PROGRAM_VARIABLES;
 pub use notifier::Notifier;
 pub use options::{Options, PictureMode, Target};
@@ -51,6 +53,21 @@ pub enum Rule {
 }
 
 impl Rule {
+    /// What happened, in plain words: the title of a message.
+    pub fn title(self) -> &'static str {
+        match self {
+            Rule::Alarm => "Alarm",
+            Rule::Low => "The battery is low",
+            Rule::NotDocked => "Not on its station",
+            Rule::RunFailed => "A behaviour has failed",
+            Rule::Moved => "Something moved",
+            Rule::Unreachable => "The connection",
+            Rule::StartMissed => "Did not start",
+            Rule::Script => "A message",
+            Rule::Test => "A test",
+        }
+    }
+
     pub fn name(self) -> &'static str {
         match self {
             Rule::Alarm => "alarm",
@@ -74,15 +91,21 @@ pub struct Notice {
     pub robot: String,
     /// When it happened, in milliseconds since the epoch.
     pub at: i64,
+    /// The same in the owner's time, for people.
+    #[serde(default)]
+    pub time: String,
     /// A JPEG in the data folder of the behaviour that saved it.
     pub picture: Option<PathBuf>,
 }
 
 impl Notice {
-    /// Returns when it happened, as RFC 3339 in UTC.
-    pub fn time(&self) -> String {
-        let at = Timestamp::from_millisecond(self.at).unwrap_or_default();
-        at.strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
+    /// The same notice of something that happened then, told in the time of this zone.
+    pub fn at(self, at: Timestamp, zone: &Zone) -> Notice {
+        Notice {
+            at: at.as_millisecond(),
+            time: zone.time(at).strftime("%Y-%m-%d %H:%M:%S %:z").to_string(),
+            ..self
+        }
     }
 }
 

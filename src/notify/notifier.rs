@@ -18,7 +18,7 @@ use super::options::Options;
 use super::queue::Queue;
 use super::rules::Rules;
 use super::sender::{BrokerPublisher, Sender};
-use crate::clock::until;
+use crate::clock::{Zone, until};
 use crate::rate_limit::TokenBucket;
 use crate::robot::{Bus, BusMessage, Listener};
 use crate::side_thread::SideThread;
@@ -40,10 +40,12 @@ pub struct Notifier {
 impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
     /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
-    /// Waiting messages are stored in this data folder. Does not wait for disk or network.
+    /// Waiting messages are stored in this data folder; their times are told in this zone. Does not wait
+    /// for disk or network.
     pub fn start(
         bus: &Bus,
         data: &Path,
+        zone: Zone,
         options: &Options,
         tokens: &BTreeMap<String, String>,
         publisher: &BrokerPublisher,
@@ -69,6 +71,7 @@ impl Notifier {
         }
         let dispatcher = Dispatcher {
             rules: Rules::new(options.unreachable_after.get(), Instant::now()),
+            zone,
             queues,
         };
         let listener = bus.subscribe();
@@ -103,6 +106,7 @@ struct TargetQueue {
 
 struct Dispatcher {
     rules: Rules,
+    zone: Zone,
     queues: Vec<TargetQueue>,
 }
 
@@ -145,12 +149,12 @@ impl Dispatcher {
     }
 
     fn enqueue(&mut self, notice: Option<Notice>, at: Instant) {
-        let Some(mut notice) = notice else {
+        let Some(notice) = notice else {
             return;
         };
         let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
         let now = Timestamp::now();
-        notice.at = now.checked_sub(ago).unwrap_or(now).as_millisecond();
+        let notice = notice.at(now.checked_sub(ago).unwrap_or(now), &self.zone);
         for queue in &mut self.queues {
             queue.accept(&notice);
         }

@@ -39,8 +39,8 @@ impl Default for Options {
 }
 
 /// A webhook, by `url`, a message at the broker of `mqtt:`, by `topic`, or a command. `{text}`,
-/// `{event}`, `{robot}`, `{time}`, `{picture}` (the file's name) and, for webhooks, `{token}` in
-/// its texts are filled in.
+/// `{title}`, `{event}`, `{robot}`, `{time}`, `{picture}` (the file's name) and, for webhooks,
+/// `{token}` in its texts are filled in.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyTarget")]

@@ -127,6 +127,7 @@ mod tests {
             text: text.to_owned(),
             robot: "Rover".to_owned(),
             at,
+            time: String::new(),
             picture: None,
         }
     }

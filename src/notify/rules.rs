@@ -191,6 +191,7 @@ impl Rules {
             text: text.chars().take(LONGEST).collect(),
             robot: self.robot.as_deref().unwrap_or("spykee").to_owned(),
             at: 0,
+            time: String::new(),
             picture: None,
         }
     }
@@ -260,6 +261,7 @@ mod tests {
             reason: EndReason::Error,
             message: Some("a.lua:3: no".to_owned()),
             seconds: 1.0,
+            by: None,
         }
     }
 

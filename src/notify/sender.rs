@@ -1,6 +1,6 @@
 //! The task of one target: sends the messages in its queue, with growing pauses after failures.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use super::options::{PictureMode, Target};
 use super::queue::Queue;
 use super::webhook;
 use super::{Delivery, Notice};
-use crate::files::Folder;
+use crate::files;
 use crate::rate_limit::Backoff;
 
 /// The first pause after a failure; each further one is twice as long ...
@@ -47,7 +47,8 @@ pub fn deliver(
         if target.picture == PictureMode::None {
             return None;
         }
-        notice.picture.as_deref().and_then(read_picture)
+        let path = notice.picture.as_deref();
+        path.and_then(|path| files::read_jpeg(path, LARGEST_PICTURE))
     };
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
@@ -63,15 +64,6 @@ pub fn deliver(
             command::send(target, notice, picture, DELIVERY_TIMEOUT, abort)
         }
     }
-}
-
-/// Reads the JPEG that a script has saved; `None` if it no longer exists or is not a JPEG.
-fn read_picture(path: &Path) -> Option<Vec<u8>> {
-    let folder = path.parent()?;
-    let name = path.file_name()?.to_str()?;
-    let read = Folder::open(folder).ok()?.read(name, LARGEST_PICTURE);
-    let bytes = read.ok().flatten()?;
-    bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
 }
 
 pub(super) struct Sender {

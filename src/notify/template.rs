@@ -7,7 +7,9 @@ use serde_json::Value;
 
 use super::Notice;
 
-const NAMES: &[&str] = &["text", "event", "robot", "time", "picture", "token"];
+const NAMES: &[&str] = &[
+    "text", "title", "event", "robot", "time", "picture", "token",
+];
 /// What is encoded in a URL (RFC 3986).
 const RESERVED: &AsciiSet = &NON_ALPHANUMERIC
     .remove(b'-')
@@ -123,7 +125,8 @@ fn value(name: &str, notice: &Notice, token: &str) -> String {
         "text" => notice.text.clone(),
         "event" => notice.rule.name().to_owned(),
         "robot" => notice.robot.clone(),
-        "time" => notice.time(),
+        "title" => notice.rule.title().to_owned(),
+        "time" => notice.time.clone(),
         "picture" => {
             let name = notice.picture.as_ref().and_then(|path| path.file_name());
             name.unwrap_or_default().to_string_lossy().into_owned()
@@ -159,6 +162,7 @@ mod tests {
             text: text.to_owned(),
             robot: "Rover".to_owned(),
             at: 0,
+            time: "2026-05-04 21:00:00 +02:00".to_owned(),
             picture: Some("data/guard/1.jpg".into()),
         }
     }
@@ -170,12 +174,12 @@ mod tests {
     #[test]
     fn names_in_braces_are_filled_in_and_other_braces_stay() {
         let text = filled(
-            "{robot} {event} {time} {picture} {token} {} {no word} {",
+            "{robot} {title} {event} {time} {picture} {token} {} {no word} {",
             Slot::Plain,
         );
         assert_eq!(
             text,
-            "Rover not_docked 1970-01-01T00:00:00Z 1.jpg s3 {} {no word} {"
+            "Rover Not on its station not_docked 2026-05-04 21:00:00 +02:00 1.jpg s3 {} {no word} {"
         );
         assert!(check("{text} {a b}").is_ok() && check("{texts}").is_err());
     }

@@ -52,6 +52,8 @@ pub struct Status {
     pub safety: WatchdogState,
     /// The battery, as far as its reports are believed.
     pub battery: Option<Battery>,
+    /// When the robot last told its level. A change of this alone does not wake receivers.
+    pub level_told: Option<Instant>,
     /// The battery counts as low, and the watchdog controls the robot.
     pub low: bool,
     /// A rescue behaviour should be running.
@@ -84,6 +86,7 @@ impl Status {
     /// Takes over the newest state; returns whether anything has changed.
     pub(super) fn update(&mut self, newest: Status) -> bool {
         self.delays = newest.delays;
+        self.level_told = newest.level_told;
         std::mem::replace(self, newest) != newest
     }
 

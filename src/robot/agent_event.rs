@@ -81,6 +81,9 @@ pub enum AgentEvent {
     },
     Started {
         behaviour: String,
+        /// Who has started it, if it does not belong to the run from its beginning.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        by: Option<String>,
     },
     /// A behaviour has ended, or could not begin.
     Ended {
@@ -89,6 +92,9 @@ pub enum AgentEvent {
         /// For people: with file and line if it failed.
         message: Option<String>,
         seconds: f64,
+        /// Who has ended it, or what, if it did not end on its own.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        by: Option<String>,
     },
     /// A behaviour has failed too often and is not started again.
     GivenUp {
@@ -283,12 +289,14 @@ mod tests {
             },
             AgentEvent::Started {
                 behaviour: behaviour.clone(),
+                by: Some(text()),
             },
             AgentEvent::Ended {
                 behaviour: behaviour.clone(),
                 reason: EndReason::Error,
                 message: Some("patrol.lua:3: no".to_owned()),
                 seconds: 1.5,
+                by: None,
             },
             AgentEvent::GivenUp {
                 behaviour: behaviour.clone(),

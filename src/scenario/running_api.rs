@@ -148,6 +148,8 @@ impl RunningScenarioApi {
             "sim:sounds" => self.sounds(),
             "sim:photos" => pictures(&self.behaviours.data).into(),
             "sim:distance" => state.distance.into(),
+            "sim:moving" => state.moving().into(),
+            "sim:turned" => self.sim.look_back(|trace| trace.turned()).into(),
             "sim:collisions" => state.collisions.into(),
             "sim:ended" => self.record.ended(given.text(0)).into(),
             "sim:log" => self.record.lines(given.text(0).unwrap_or_default())?,

@@ -44,6 +44,13 @@ pub(crate) fn check_source<'a>(source: &'a [u8], chunk: &str) -> Result<&'a str,
             bytes: source.len(),
         });
     }
+    // A byte order mark of UTF-16, as Windows writes it: every other byte would be a control character.
+    if source.starts_with(&[0xff, 0xfe]) || source.starts_with(&[0xfe, 0xff]) {
+        return Err(Failure::NotUtf8 {
+            chunk: chunk(),
+            line: 1,
+        });
+    }
     let line_of = |at: usize| 1 + source[..at].iter().filter(|&&byte| byte == b'\n').count();
     if let Some(at) = source.iter().position(is_control) {
         return Err(Failure::Control {

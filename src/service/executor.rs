@@ -23,7 +23,7 @@ use crate::clock::{self, Clock, Zone};
 use crate::control::{self, Change};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
+use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS, Setpoint};
 use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
@@ -41,6 +41,9 @@ pub(super) struct Executor {
     orders: Orders,
     /// The behaviours that were not idle at the last poll.
     running: BTreeSet<String>,
+    /// A behaviour has ended and the robot was not on its station since: it goes home although those
+    /// that are always on go on.
+    owes_return: bool,
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
     /// The order that sends the idle robot to its station.
@@ -79,6 +82,7 @@ impl Executor {
             service_plan,
             orders: Orders::new(roster),
             running: BTreeSet::new(),
+            owes_return: false,
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
@@ -142,9 +146,18 @@ impl Executor {
             self.act(act);
         }
         self.check_clock(now);
+        self.owes_return &= !status.docked;
+        let is_permanent = |name: &String| self.service_plan.always.contains(name);
+        let waits_for_runs = if self.owes_return {
+            !running.iter().all(is_permanent)
+        } else {
+            !running.is_empty()
+        };
         let inputs = idle::IdleInputs {
             now: at,
-            busy: !running.is_empty() || !self.orders.is_empty() || self.planner.is_due(),
+            busy: waits_for_runs || !self.orders.is_empty() || self.planner.is_due(),
+            runs: !running.is_empty(),
+            moving: status.actuators.tracks != Setpoint::STOP,
             link: status.link,
             docked: status.docked,
             low: status.low,
@@ -169,6 +182,7 @@ impl Executor {
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
         drop(statuses);
         for name in self.running.difference(&running) {
+            self.owes_return |= !self.service_plan.always.contains(name);
             if !self.orders.has(name) {
                 self.planner.ended(name);
             }
@@ -193,7 +207,7 @@ impl Executor {
         let waiting = self.waiting.iter().filter(|name| !self.orders.has(name));
         let waiting: Vec<String> = waiting.cloned().collect();
         for name in waiting {
-            self.orders.give(Change::Start, name);
+            self.orders.give(Change::Start, name, "always on");
         }
     }
 
@@ -214,7 +228,7 @@ impl Executor {
             Act::Start(due) => self.start(due),
             Act::End { run } => {
                 info!(behaviour = run, "its time is over");
-                self.orders.give(Change::Stop, run);
+                self.orders.give(Change::Stop, run, "its time is over");
             }
             Act::ReportMissed {
                 run,
@@ -265,7 +279,7 @@ impl Executor {
         };
         let planned = self.describe(due.planned);
         info!(behaviour = run, "{doing} {planned}");
-        self.orders.give(Change::Start, run);
+        self.orders.give(Change::Start, run, "the timetable");
     }
 
     fn report_missed(&self, run: &str, reason: impl Into<String>) {
@@ -297,7 +311,7 @@ impl Executor {
                 }
             }
             IdleAction::Dock => {
-                info!("no behaviour runs and the robot is off its station: sending it there");
+                info!("nothing is under way and the robot is off its station: sending it there");
                 self.docking_task = Some(self.orders.send_home(self.requests.clone()));
             }
         }
@@ -364,7 +378,7 @@ impl Executor {
                 continue;
             }
             let order = if gone { Change::Stop } else { Change::Restart };
-            self.orders.give(order, run);
+            self.orders.give(order, run, "the config was read again");
         }
         let before = std::mem::replace(&mut self.service_plan, service_plan);
         let always = &self.service_plan.always;
@@ -399,6 +413,7 @@ impl Executor {
                 behaviour: run.to_owned(),
             }),
             quiet: self.quiet != Quiet::Off,
+            always: self.service_plan.always.clone(),
         };
         self.view.send_if_modified(|shown| {
             let news = *shown != view;
@@ -454,14 +469,14 @@ impl Orders {
         self.names.contains(run)
     }
 
-    pub(super) fn give(&mut self, order: Change, run: String) {
+    pub(super) fn give(&mut self, order: Change, run: String, by: &'static str) {
         self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
         self.tasks.spawn(async move {
             let done = match order {
-                Change::Start => roster.start(&run, None).await,
-                Change::Stop => roster.stop(&run).await,
-                Change::Restart => roster.restart(&run).await,
+                Change::Start => roster.start(&run, None, by).await,
+                Change::Stop => roster.stop(&run, by).await,
+                Change::Restart => roster.restart(&run, by).await,
             };
             if order == Change::Start {
                 OrderResult::Started(run, done)
@@ -724,7 +739,7 @@ mod tests {
             let _ = started.send(Err(RosterError::Offline));
             sleep(Duration::from_secs(60)).await;
             // The roster of this test executes no such command.
-            let _ = fixture.roster.stop_all().await;
+            let _ = fixture.roster.stop_all("a person").await;
             fixture.link(LinkState::Up);
             sleep(Duration::from_secs(60)).await;
         };

@@ -1,5 +1,6 @@
-//! Handles an idle robot: while no behaviour runs, it is sent to its station, and its link may be
-//! released there. A state machine: takes facts and the time, returns an action.
+//! Handles an idle robot: while no behaviour runs but those that are always on, it is sent to its
+//! station, and its link may be released there. A state machine: takes facts and the time, returns an
+//! action.
 
 use std::time::Duration;
 
@@ -16,8 +17,13 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IdleInputs {
     pub(super) now: Instant,
-    /// A behaviour runs, is loading, or is due.
+    /// A behaviour runs, is loading, or is due. One that is always on counts until another run has
+    /// ended away from the station.
     pub(super) busy: bool,
+    /// A behaviour runs, perhaps one that is always on: it needs the link.
+    pub(super) runs: bool,
+    /// The tracks run.
+    pub(super) moving: bool,
     pub(super) link: LinkState,
     /// The robot is on its station, as far as is known.
     pub(super) docked: bool,
@@ -101,12 +107,16 @@ impl IdleRobot {
             self.since = None;
             return None;
         }
+        // Somebody drives it, or what is always on does.
+        if inputs.moving && !self.docking {
+            self.since = None;
+        }
         let since = *self.since.get_or_insert(inputs.now);
         if inputs.now < since + self.policy.idle_after.get() || self.docking || inputs.low {
             return None;
         }
         if inputs.docked {
-            if !release {
+            if !release || inputs.runs {
                 return None;
             }
             return self.request_once(inputs.link, LinkState::Up, IdleAction::Release);
@@ -153,6 +163,8 @@ mod tests {
         let inputs = IdleInputs {
             now: Instant::now(),
             busy: false,
+            runs: false,
+            moving: false,
             link: LinkState::Up,
             docked: false,
             low: false,
@@ -178,6 +190,28 @@ mod tests {
         inputs.busy = true;
         assert_eq!(idle.poll(inputs), Some(IdleAction::Connect));
         assert_eq!(idle.poll(inputs), None);
+    }
+
+    #[test]
+    fn a_robot_that_is_driven_is_not_idle_and_one_that_is_watched_is_not_released() {
+        let (mut idle, mut inputs) = idle(true);
+        (inputs.runs, inputs.moving) = (true, true);
+        for _ in 0..10 {
+            assert_eq!(idle.poll(inputs), None);
+            inputs.now += MINUTE;
+        }
+        inputs.moving = false;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
+        inputs.moving = true;
+        assert_eq!(idle.poll(inputs), None, "it is on its way");
+        idle.docked(true, inputs.now);
+        (inputs.docked, inputs.moving) = (true, false);
+        for _ in 0..10 {
+            inputs.now += MINUTE;
+            assert_eq!(idle.poll(inputs), None);
+        }
+        inputs.runs = false;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Release));
     }
 
     #[test]

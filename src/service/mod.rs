@@ -7,7 +7,7 @@ mod idle;
 mod manager_notifier;
 mod record;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use jiff::Timestamp;
 use tokio::sync::{mpsc, watch};
@@ -126,12 +126,54 @@ impl Service {
     }
 }
 
-/// A unit for systemd. Of a password, systemd passes the file to the service; without a user it creates
-/// one, called spykee.
-pub fn unit(program: &Path, config: &Path, password: Option<&Path>, user: Option<&str>) -> String {
-    let password = password.map_or_else(String::new, |path| {
-        format!("LoadCredential=password:{}\n", escaped(path))
-    });
+/// A file that systemd passes to a service, under a name; it may belong to root.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Credential {
+    name: String,
+    path: PathBuf,
+}
+
+impl Credential {
+    /// The robot's password.
+    pub fn password(path: PathBuf) -> Credential {
+        let name = PASSWORD_CREDENTIAL.to_owned();
+        Credential { name, path }
+    }
+
+    /// A secret that the config names.
+    pub fn of_config(path: PathBuf) -> Credential {
+        let name = credential_name(&path);
+        Credential { name, path }
+    }
+}
+
+/// The name of the credential with the robot's password.
+pub const PASSWORD_CREDENTIAL: &str = "password";
+
+/// The name of the credential that holds the content of this file, such as `etc-spykee-mqtt.password`.
+pub fn credential_name(path: &Path) -> String {
+    let plain = |c: char| {
+        if c.is_ascii_alphanumeric() || matches!(c, '.' | '_') {
+            c
+        } else {
+            '-'
+        }
+    };
+    let path = path.display().to_string();
+    path.trim_start_matches('/').chars().map(plain).collect()
+}
+
+/// A unit for systemd. Without a user, systemd creates one, called spykee.
+pub fn unit(
+    program: &Path,
+    config: &Path,
+    credentials: &[Credential],
+    user: Option<&str>,
+) -> String {
+    let credentials = credentials
+        .iter()
+        .map(|Credential { name, path }| format!("LoadCredential={name}:{}\n", escaped(path)));
+    let credentials: String = credentials.collect();
     let user = match user {
         Some(name) => format!("User={}", name.replace('%', "%%")),
         None => "DynamicUser=yes\nUser=spykee".to_owned(),
@@ -140,7 +182,7 @@ pub fn unit(program: &Path, config: &Path, password: Option<&Path>, user: Option
         .replace("@USER@", &user)
         .replace("@PROGRAM@", &escaped(program))
         .replace("@CONFIG@", &escaped(config))
-        .replace("@PASSWORD@\n", &password)
+        .replace("@CREDENTIALS@\n", &credentials)
 }
 
 fn escaped(path: &Path) -> String {
@@ -165,7 +207,10 @@ mod tests {
         let text = unit(
             program,
             config,
-            Some(Path::new("/etc/spykee/password")),
+            &[
+                Credential::password("/etc/spykee/password".into()),
+                Credential::of_config("/etc/spykee/my mqtt.password".into()),
+            ],
             None,
         );
         assert!(
@@ -174,10 +219,12 @@ mod tests {
             )
         );
         assert!(text.contains("LoadCredential=password:/etc/spykee/password\n"));
+        let secret = "etc-spykee-my-mqtt.password:\"/etc/spykee/my mqtt.password\"\n";
+        assert!(text.contains(&format!("LoadCredential={secret}")), "{text}");
         assert!(text.contains("DynamicUser=yes\nUser=spykee\n"));
         assert!(!text.contains("@PROGRAM@") && !text.contains("@CONFIG@"));
-        let without = unit(program, config, None, Some("rover"));
-        assert!(!without.contains("LoadCredential") && !without.contains("@PASSWORD@"));
+        let without = unit(program, config, &[], Some("rover"));
+        assert!(!without.contains("LoadCredential") && !without.contains("@CREDENTIALS@"));
         assert!(without.contains("\nUser=rover\n") && !without.contains("DynamicUser"));
         assert!(!without.contains("@USER@"));
     }

@@ -333,6 +333,8 @@ impl Robot {
 
     fn step_microphone(&mut self, dt: Duration) {
         if !self.streams.audio_in {
+            // What it has not sent is not sent later: a noise would be heard that is over.
+            self.microphone.clear();
             return;
         }
         let here = self.chassis.pose.point();
@@ -606,5 +608,53 @@ impl State {
     /// Whether a track moves.
     pub fn moving(&self) -> bool {
         self.speeds.left != 0.0 || self.speeds.right != 0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_microphone_that_comes_back_does_not_send_what_was_heard_before() {
+        let world = World::builtin("yard").unwrap();
+        let mut robot = Robot::new(world, Firmware::default(), 1);
+        let listen = |on| Command::Stream {
+            stream: Stream::AudioIn,
+            on,
+        };
+        let tick = Duration::from_millis(20);
+        robot.execute(&listen(true));
+        for _ in 0..50 {
+            robot.step(tick);
+        }
+        // A noise of which a part is not sent yet.
+        robot.disturb(-3.0, Duration::from_millis(400));
+        for _ in 0..8 {
+            robot.step(tick);
+        }
+        robot.execute(&listen(false));
+        for _ in 0..500 {
+            robot.step(tick);
+        }
+        robot.take_reports();
+        robot.execute(&listen(true));
+        for _ in 0..100 {
+            robot.step(tick);
+        }
+        let loudest = robot
+            .take_reports()
+            .into_iter()
+            .filter_map(|report| match report {
+                Report::Audio(samples) => Some(samples),
+                _ => None,
+            });
+        let loudest = loudest.flat_map(|samples| {
+            let samples = samples.chunks_exact(2);
+            let samples = samples.map(|two| i16::from_le_bytes([two[0], two[1]]).unsigned_abs());
+            samples.max()
+        });
+        let loudest = loudest.max().unwrap();
+        assert!(loudest < 500, "{loudest}");
     }
 }

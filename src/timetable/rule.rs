@@ -56,6 +56,8 @@ pub struct View {
     /// The next start of the timetable.
     pub next: Option<NextStart>,
     pub quiet: bool,
+    /// The behaviours that are always on, and so not what a person wants to start.
+    pub always: Vec<String>,
 }
 
 impl View {

@@ -40,6 +40,7 @@ time_zone: UTC
 schedule: [{ run: patrol, at: "0 9 * * *", for: 30m }]
 """
 IDLE = "while true do task.wait(1) end"
+DRIVES = "while true do robot.move(20, -20, 0.5) task.wait(1) end"
 # Each entity by its part of the unique id, its domain and the name that a person reads.
 ENTITIES = [
     ("robot", "vacuum", "{device}"),
@@ -48,6 +49,7 @@ ENTITIES = [
     ("problem", "binary_sensor", "{device} Problem"),
     ("next", "sensor", "{device} Next start"),
     ("camera", "camera", "{device} Camera"),
+    ("alarm", "image", "{device} Last alarm"),
     ("event", "event", "{device} Last event"),
     ("dock", "button", "{device} Dock"),
     ("undock", "button", "{device} Undock"),
@@ -245,8 +247,8 @@ async def check(spykee, folder, ended):
     (folder / "run.yaml").write_text(CONFIG % port)
     (folder / "serve.yaml").write_text(CONFIG % port + SCHEDULE)
     (folder / "world.yaml").write_text(WORLD)
-    for name in ("patrol.lua", "other.lua"):
-        (folder / name).write_text(IDLE)
+    (folder / "patrol.lua").write_text(IDLE)
+    (folder / "other.lua").write_text(DRIVES)
     say(f"Home Assistant {const.__version__}")
     hass = await home_assistant(folder / "ha", port)
     robot = Robot(hass)

@@ -58,7 +58,7 @@ fn the_events_of_a_run_arrive_in_order_with_endings_and_places() {
     let battery = at(&said, |one| matches!(one, AgentEvent::Battery(_)));
     let started = at(
         &said,
-        |one| matches!(one, AgentEvent::Started { behaviour } if behaviour == "one"),
+        |one| matches!(one, AgentEvent::Started { behaviour, .. } if behaviour == "one"),
     );
     let entry = at(
         &said,

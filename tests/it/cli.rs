@@ -203,6 +203,16 @@ fn a_port_in_use_is_named_with_advice() {
 }
 
 #[test]
+fn a_simulated_robot_has_the_identity_that_it_is_given() {
+    let sim = Sim::start(&["--uid", "ROVER7"], |_| ());
+    let output = run_in(Path::new("."), &["robot", "info", "--robot", &sim.address]);
+    assert_contains(&output.out, &["ROVER7"]);
+    for wrong in ["", "a/b", "#"] {
+        assert_eq!(command(&["sim", "--uid", wrong]).code, Some(2), "{wrong}");
+    }
+}
+
+#[test]
 fn an_invalid_world_is_named_with_line_and_column() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("none.yaml");

@@ -232,3 +232,44 @@ async fn the_guard_works_without_a_microphone_and_without_a_camera() {
         assert_eq!(text.contains("something moves"), seen, "{text}");
     }
 }
+
+/// What a service refuses, `config check` and `doctor` refuse too, with the same words.
+#[tokio::test]
+async fn a_config_that_a_service_refuses_does_not_pass_the_check() {
+    let rig = Rig::quiet().await;
+    let speed = "params.declare({ speed = { default = 1, min = 0, max = 2 } })";
+    rig.file("go.lua", speed);
+    for (config, words) in [
+        ("live: { listen: 0.0.0.0:7788 }\n", "there is no token"),
+        (
+            "behaviours: [{ file: go.lua, params: { speed: 9 } }]\n",
+            "speed",
+        ),
+        (
+            "behaviours: [{ file: go.lua }]\nschedule: [{ run: go, at: '0 9 * * *', for: 0m }]\n",
+            "must be above zero",
+        ),
+        (
+            "mqtt: { host: 127.0.0.1, password_file: none.password }\n",
+            "none.password",
+        ),
+    ] {
+        let config = format!("service: {{ user: root }}\n{config}");
+        rig.file("spykee.yaml", &config);
+        for (command, code) in [
+            (&["config", "check", "spykee.yaml"][..], 4),
+            (&["doctor", "--config", "spykee.yaml"], 3),
+        ] {
+            let mut run = rig.spykee(command);
+            assert_eq!(run.code().await, Some(code), "{config}{}", run.text());
+            assert_contains(&run.text(), &[words]);
+        }
+        let serve = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+        let mut run = rig.spykee(&serve);
+        assert_ne!(run.code().await, Some(0), "{config}{}", run.text());
+        assert_contains(&run.text(), &[words]);
+    }
+    rig.file("spykee.yaml", "behaviours: [{ file: go.lua }]\n");
+    let mut run = rig.spykee(&["config", "check"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}

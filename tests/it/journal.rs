@@ -184,7 +184,7 @@ async fn history_shows_runs_entries_pictures_and_the_battery() {
     }
     let (_, text) = history(&rig, &["runs", "--csv"]).await;
     assert!(
-        text.starts_with("began,ended,lasted,behaviour,end,what\n"),
+        text.starts_with("began,ended,lasted,behaviour,by,end,what\n"),
         "{text}"
     );
     let (_, text) = history(&rig, &["--until", "2001-01-01"]).await;

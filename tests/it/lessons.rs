@@ -239,6 +239,44 @@ fn a_class_is_graded_with_missing_and_copied_scripts() {
     assert_eq!(said.code, Some(2), "{}", said.err);
 }
 
+/// Scripts side by side cannot `require` each other; what pupils' editors and `lesson start` make of
+/// names is found; nothing is lost without a line.
+#[test]
+fn each_script_of_a_class_is_played_in_a_folder_of_its_own() {
+    let class = tempfile::tempdir().unwrap();
+    let right = "robot.move(40, 40, 2)\ntask.wait(1)\nrobot.move(-40, -40, 2)\n";
+    let utf16: Vec<u8> = format!("\u{feff}{right}")
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    let copies = "pcall(require, './Ada')\npcall(require, './Ben/lesson-03-moving/moving')\n";
+    fs::create_dir_all(class.path().join("Ben/lesson-03-moving")).unwrap();
+    for (name, text) in [
+        ("Ada.lua", right.as_bytes()),
+        ("Ben/lesson-03-moving/moving.lua", right.as_bytes()),
+        ("Cem.lua.txt", right.as_bytes()),
+        ("Dora.lua", copies.as_bytes()),
+        ("Eva.lua", &utf16),
+        ("report.pdf", b"%PDF"),
+    ] {
+        fs::write(class.path().join(name), text).unwrap();
+    }
+    let folder = class.path().to_str().unwrap();
+    let said = run_in(
+        class.path(),
+        &["lesson", "grade", folder, "--lesson", "3", "--json"],
+    );
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    let result = said.json();
+    let learners = result["learners"].as_array().unwrap();
+    let points = |one: &Value| one["points"].as_u64().unwrap();
+    let points: Vec<u64> = learners.iter().map(points).collect();
+    assert_eq!(points, [10, 10, 10, 0, 0], "{}", said.out);
+    let why = learners[4]["missing"][0].as_str().unwrap();
+    assert!(why.contains("save the file as UTF-8"), "{why}");
+    assert_eq!(result["not_read"], serde_json::json!(["report.pdf"]));
+}
+
 #[test]
 fn every_starter_is_incomplete_and_the_check_says_why() {
     let folder = tempfile::tempdir().unwrap();

@@ -593,7 +593,12 @@ async fn without_journal_and_timetable_the_run_says_so_and_no_path_leaves_the_pi
         assert_eq!(status, 404, "{path}: {body}");
         assert!(!body.contains("everybody"), "{path}: {body}");
     }
-    for path in ["/api/history", "/api/history?days=7", "/api/schedule"] {
+    for path in [
+        "/api/history",
+        "/api/history?days=7",
+        "/api/pictures?since=0&until=1",
+        "/api/schedule",
+    ] {
         assert_eq!(get(&at, path).await, (200, "null".to_owned()), "{path}");
     }
     assert_eq!(get(&at, "/api/history?days=x").await.0, 400);

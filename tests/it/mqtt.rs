@@ -95,6 +95,80 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
         .await;
 }
 
+/// With a guard that is always on, Start starts what is asked for; a choice survives the run; an alarm
+/// comes as an event and as an image; pictures are no events; what is no command is answered.
+#[tokio::test(flavor = "multi_thread")]
+async fn home_assistant_starts_the_patrol_remembers_a_choice_and_gets_alarms_with_their_picture() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
+    let alarm = "local frame = robot.wait_frame(20)\nframe:save('other.jpg')\n\
+                 notify.send('look', { picture = frame:save('alarm.jpg') })\n";
+    rig.file("guard.lua", &format!("{alarm}{IDLE}"));
+    rig.file("patrol.lua", "while true do robot.move(20, -20, 0.5) end");
+    rig.file("other.lua", IDLE);
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "service: {{ user: root }}\ndata: data\nbehaviours: [{{ file: guard.lua }}, \
+             {{ file: patrol.lua, start: asked }}, {{ file: other.lua, start: asked }}]\n{}",
+            broker.config()
+        ),
+    );
+    let serve = || rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let mut run = serve();
+    let guarded = |state: &Value| state["running"] == json!(["guard"]);
+    let state = subscriber.wait_for_state(0, A, guarded).await;
+    assert_eq!(
+        (&state["state"], &state["behaviour"]),
+        (&json!("idle"), &json!("patrol"))
+    );
+    let jpeg = subscriber
+        .wait_for(0, "spykee/SPYKEE0001/alarm", |_| true)
+        .await;
+    assert!(jpeg.starts_with(&[0xff, 0xd8]));
+    let is = |kind: &'static str| {
+        move |payload: &[u8]| {
+            serde_json::from_slice::<Value>(payload).unwrap()["event_type"] == kind
+        }
+    };
+    let event = subscriber
+        .wait_for(0, "spykee/SPYKEE0001/event", |payload| {
+            assert!(!is("picture")(payload), "a patrol saves two thousand a day");
+            is("notify")(payload)
+        })
+        .await;
+    assert_contains(&String::from_utf8_lossy(&event), &["look"]);
+    let command = "spykee/SPYKEE0001/command";
+    subscriber.publish(command, "fly", false).await;
+    let answer = subscriber
+        .wait_for(0, "spykee/SPYKEE0001/answer", |_| true)
+        .await;
+    let answer: Value = serde_json::from_slice(&answer).unwrap();
+    assert_eq!(
+        (&answer["command"], &answer["done"]),
+        (&json!("fly"), &json!(false))
+    );
+    assert_contains(answer["text"].as_str().unwrap(), &["return_to_base"]);
+    subscriber.publish(command, "start", false).await;
+    let cleans = |state: &Value| state["state"] == "cleaning";
+    let state = subscriber.wait_for_state(0, A, cleans).await;
+    assert_eq!(state["running"], json!(["guard", "patrol"]));
+    let choice = "spykee/SPYKEE0001/behaviour/set";
+    subscriber.publish(choice, "other", true).await;
+    let chosen = |state: &Value| state["behaviour"] == "other";
+    subscriber.wait_for_state(0, A, chosen).await;
+    run.signal(Signal::TERM);
+    run.code().await;
+    let from = subscriber.len();
+    let mut run = serve();
+    subscriber.wait_for_state(from, A, chosen).await;
+    run.signal(Signal::TERM);
+    run.code().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_from_the_broker_holds_a_low_robot_until_a_person_releases_it() {
     let Some(broker) = Broker::start() else {

@@ -13,8 +13,8 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, state_of};
 
 /// A request as it arrived.
 #[derive(Debug, Clone)]
-struct ReceivedRequest {
-    head: String,
+pub struct ReceivedRequest {
+    pub head: String,
     body: Vec<u8>,
 }
 
@@ -68,7 +68,7 @@ impl Webhook {
         Webhook { address, asked }
     }
 
-    fn asked(&self) -> Vec<ReceivedRequest> {
+    pub fn asked(&self) -> Vec<ReceivedRequest> {
         self.asked.lock().unwrap().clone()
     }
 
@@ -316,7 +316,8 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     rig.file(
         "spykee.yaml",
         &format!(
-            "notify: {{ targets: {{ phone: {{ url: 'http://{}/' }}, desk: {{ command: ['true'] }} }} }}",
+            "time_zone: Asia/Tokyo\nnotify: {{ targets: {{ phone: {{ url: 'http://{}/', picture: body, \
+             headers: {{ Title: '{{title}}, {{time}}' }} }}, desk: {{ command: ['true'] }} }} }}",
             hook.address
         ),
     );
@@ -340,5 +341,9 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
         code == Some(2) && text.contains("found in the current folder, not named"),
         "{text}"
     );
-    assert_eq!(hook.asked().len(), 2);
+    let asked = hook.asked();
+    assert_eq!(asked.len(), 2);
+    // With a picture, the title in plain words, and the owner's time.
+    assert!(asked[0].body.starts_with(&[0xff, 0xd8]));
+    assert_contains(&asked[0].head, &["A test, 20", " +09:00"]);
 }

@@ -129,6 +129,8 @@ scenario("all of it", { world = "playpen", battery = 70, limit = 600, seeds = 1 
     expect(sim:log("speed 15")[1].behaviour == "second")
     expect(sim:wait_until(function() return sim:ended("second") == "done" end, 10), "ended")
     expect(sim:distance() > 0.05, "distance")
+    expect(sim:wait_until(function() return not sim:moving() end, 5), "moving")
+    expect(math.abs(sim:turned()) < 0.3, `turned: {sim:turned()}`)
     local photos = sim:photos()
     expect(photos == 1, `photos: {photos}`)
     local sounds = sim:sounds()

@@ -133,7 +133,12 @@ async fn saved_files_are_accessible_to_their_user_only() {
         found.iter().any(|(path, _)| path.ends_with("one.jpg")),
         "{found:?}"
     );
-    for (path, mode) in found {
+    let room = rig.folder().join("room.jpg");
+    let output = room.to_str().unwrap();
+    let snapshot = ["robot", "snapshot", "-o", output, "--robot", &rig.address];
+    let mut run = rig.spykee(&snapshot);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    for (path, mode) in found.into_iter().chain(modes(&room)) {
         assert_eq!(mode & 0o077, 0, "others can use {path}: {mode:o}");
     }
 }

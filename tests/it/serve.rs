@@ -121,6 +121,24 @@ async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_r
     ends_well(&mut next).await;
 }
 
+#[tokio::test(flavor = "multi_thread")]
+async fn the_log_of_a_service_has_what_behaviours_say_and_not_each_light_and_sound() {
+    let rig = Rig::quiet().await;
+    let blink = "robot.led('left', true) robot.play('laser') log.info('blinked') task.wait(600)";
+    rig.file("blink.lua", blink);
+    config(&rig, "", "behaviours:\n- file: blink.lua\n");
+    let mut run = serve(&rig);
+    run.says("blinked").await;
+    rig.heard(0, |command| *command == Command::Play(Sound::Laser))
+        .await;
+    ends_well(&mut run).await;
+    let text = run.text();
+    assert!(
+        !text.contains("left light") && !text.contains("plays laser"),
+        "{text}"
+    );
+}
+
 /// The file that records what is under way.
 fn record(rig: &Rig) -> String {
     let path = rig.folder().join("spykee-data/schedule.json");
@@ -234,6 +252,38 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn history_says_who_has_started_and_ended_what() {
+    let rig = Rig::quiet().await;
+    for name in ["guard.lua", "asked.lua", "other.lua"] {
+        rig.file(name, "task.wait(600)");
+    }
+    config(
+        &rig,
+        "",
+        "behaviours:\n- file: guard.lua\n- { file: asked.lua, start: asked }\n\
+         - { file: other.lua, start: asked }\n",
+    );
+    let mut run = serve(&rig);
+    run.says("connected").await;
+    succeed(&rig, &["behaviour", "start", "asked", "--for", "1s"]).await;
+    succeed(&rig, &["behaviour", "start", "other"]).await;
+    succeed(&rig, &["behaviour", "stop", "other"]).await;
+    run.says("its time is over").await;
+    ends_well(&mut run).await;
+    let args = ["history", "runs", "--config", "spykee.yaml"];
+    let text = succeed(&rig, &args).await;
+    let row = |name: &str| text.lines().find(|line| line.contains(name)).unwrap();
+    assert_contains(row("guard"), &["always on", "shutdown"]);
+    assert_contains(row("asked"), &["the command line", "its time is over"]);
+    // Who has started it, and who has ended it.
+    assert_eq!(
+        row("other").matches("the command line").count(),
+        2,
+        "{text}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_idle_robot_is_sent_home() {
     let rig = Rig::quiet().await;
     rig.file("asked.lua", DRIVES);
@@ -256,6 +306,27 @@ async fn an_idle_robot_is_sent_home() {
     timeout(WAIT_LIMIT, home)
         .await
         .expect("the robot does not come home");
+    ends_well(&mut run).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_run_the_robot_goes_home_although_a_guard_is_always_on() {
+    let rig = Rig::quiet().await;
+    rig.file("watch.lua", "while true do task.wait(1) end");
+    rig.file("go.lua", "robot.move(30, 30, 0.3)");
+    let behaviours = "behaviours:\n- file: watch.lua\n- { file: go.lua, start: asked }\n";
+    config(&rig, "idle_after: 1s", behaviours);
+    let mut run = serve(&rig);
+    run.says("connected").await;
+    succeed(&rig, &["behaviour", "start", "go"]).await;
+    let moved = rig.heard_motion(0).await;
+    rig.heard_dock(moved).await;
+    let home = rig.sim.wait_state(|state| state.docked);
+    timeout(WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
+    let text = succeed(&rig, &["status"]).await;
+    assert_contains(&text, &["watch"]);
     ends_well(&mut run).await;
 }
 

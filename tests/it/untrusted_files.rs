@@ -189,6 +189,27 @@ async fn pipes_devices_and_folders_in_the_place_of_files_are_reported_at_once() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_config_found_in_the_current_folder_sends_nothing_and_opens_no_page_to_others() {
+    let rig = Rig::quiet().await;
+    rig.file("a.lua", "print('hi')");
+    for (config, words) in [
+        (
+            "notify: { targets: { phone: { url: 'http://127.0.0.1:9/', picture: body } } }\n",
+            "would send messages and pictures",
+        ),
+        (
+            "live: { listen: 0.0.0.0:0 }\n",
+            "would open the page to other computers",
+        ),
+    ] {
+        rig.file("spykee.yaml", config);
+        let mut run = rig.spykee(&["run", "a.lua", "--robot", &rig.address]);
+        assert_eq!(run.code().await, Some(2), "{}", run.text());
+        assert_contains(&run.text(), &[words, "--config spykee.yaml"]);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn deeply_nested_yaml_is_refused_quickly() {
     let folder = tempfile::tempdir().unwrap();
     for (name, unit) in [

@@ -653,6 +653,19 @@ const promises = {
       await keep(page, `lying-${width}`);
       await page.mouse.up();
       await observer.rests();
+      // The arrows are below the picture: they cover nothing of it.
+      const arrow = button(page, "Left");
+      const place = await arrow.evaluate((element) => element.getBoundingClientRect().top + scrollY);
+      if (place < height) {
+        throw new Error(`${width}x${height}: the arrows cover the picture: ${place}`);
+      }
+      await arrow.scrollIntoViewIfNeeded();
+      await arrow.hover();
+      await page.mouse.down();
+      await observer.moves(true);
+      await page.mouse.up();
+      await observer.rests();
+      await page.evaluate(() => scrollTo(0, 0));
       await stop.tap();
       const again = button(page, "Let it move again");
       await inView(page, `${width}x${height}: stopped`, { again, stop, words: page.getByRole("alert").getByText(/^Stopped/) });
@@ -733,6 +746,16 @@ const promises = {
     const { start_url, display, icons } = JSON.parse(data);
     if (start_url !== "/" || display !== "standalone" || icons.length === 0) {
       throw new Error(data);
+    }
+    // iOS takes its icon from the page, and draws no SVG.
+    const icon = await page.evaluate(async () => {
+      const image = new Image();
+      image.src = document.querySelector("link[rel=apple-touch-icon]").href;
+      await image.decode();
+      return [image.naturalWidth, image.naturalHeight, image.src.endsWith(".png")];
+    });
+    if (String(icon) !== "180,180,true") {
+      throw new Error(`an icon for iOS: ${icon}`);
     }
     clean(page);
     await page.context().close();
@@ -1004,6 +1027,44 @@ const promises = {
     }, "a kept picture");
     await page.getByText("started · look").first().waitFor();
     await keep(page, "service");
+    clean(page);
+    await page.context().close();
+    await run.end();
+  },
+
+  async "yesterday's alarm is found on a phone in two taps"(browser) {
+    const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
+    const page = await open(browser, run, PHONE);
+    const at = new Date().setHours(0, 0, 0, 0) - 3_600_000;
+    const saved = (behaviour, number, text = "") => ({ at: at + number, behaviour, name: `${number}.jpg`, text });
+    const yesterday = {
+      alarms: [saved("guard", 2, "something moves"), saved("guard", 1, "a noise")],
+      runs: [{ behaviour: "patrol", began: at, pictures: Array.from({ length: 40 }, (_, number) => saved("patrol", 10 + number)) }],
+    };
+    await page.route("**/api/pictures?*", (route) => {
+      const { searchParams } = new URL(route.request().url());
+      const is = Number(searchParams.get("since")) <= at && at < Number(searchParams.get("until"));
+      return route.fulfill({ json: is ? yesterday : { alarms: [], runs: [] } });
+    });
+    const jpeg = fs.readFileSync(path.join(root, "tests/fixtures/ball-422.jpg"));
+    await page.route("**/pictures/*.jpg", (route) => route.fulfill({ body: jpeg, contentType: "image/jpeg" }));
+    await ready(page);
+    await page.getByText("No pictures on this day.").waitFor();
+    await button(page, "Yesterday").tap();
+    await page.getByRole("button", { name: /something moves/ }).tap();
+    const dialog = page.getByRole("dialog");
+    await dialog.getByText(/something moves/).waitFor();
+    await inView(page, "the alarm", { image: dialog.locator("img"), next: button(page, "Next"), stop: button(page, "STOP") });
+    await keep(page, "gallery-phone");
+    await button(page, "Next").tap();
+    await dialog.getByText(/a noise/).waitFor();
+    await button(page, "Close").tap();
+    if (await page.locator(".thumb:visible").count() !== 14) {
+      throw new Error("two alarms and the first twelve pictures of the run are shown");
+    }
+    await button(page, "All 40 pictures").tap();
+    await until(async () => await page.locator(".thumb:visible").count() === 42, "all of them");
     clean(page);
     await page.context().close();
     await run.end();

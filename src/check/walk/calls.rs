@@ -14,6 +14,8 @@ use crate::wire::Stream;
 const MAX_RADIANS: f64 = 13.0;
 /// Longer than a room: a larger number is probably not meant in metres.
 const MAX_METRES: f64 = 20.0;
+/// Several times as fast as a Spykee: a larger number is probably not meant in metres per second.
+const MAX_SPEED: f64 = 2.0;
 
 impl<'a> Walk<'a> {
     pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
@@ -97,10 +99,28 @@ impl<'a> Walk<'a> {
         let Some(first) = arguments.first() else {
             return;
         };
+        let text = first.span.of(self.source.text);
+        let degrees = text.strip_prefix("math.rad(");
+        if let ("easy.left" | "easy.right", Some(degrees)) = (function.path, degrees) {
+            let path = function.path;
+            let message = format!("{path} takes degrees, not radians");
+            return self.warning(first.span, message, format!("write {path}({degrees}"));
+        }
         let ValueKind::Number(Some(number)) = self.kinds.kind_of(first) else {
             return;
         };
         let (message, help) = match function.path {
+            "robot.drive" if number.abs() > MAX_SPEED => (
+                format!("robot.drive takes metres per second: no robot drives {number} m/s"),
+                "for the power of the tracks in percent, write robot.move(left, right)".to_owned(),
+            ),
+            "task.wait" if number >= 500.0 && number % 500.0 == 0.0 => (
+                format!(
+                    "task.wait takes seconds: {number} are {:.0} minutes",
+                    number / 60.0
+                ),
+                format!("for milliseconds, write task.wait({})", number / 1000.0),
+            ),
             "robot.turn" if number.abs() > MAX_RADIANS => {
                 let turns = number.abs() / std::f64::consts::TAU;
                 (

@@ -7,7 +7,8 @@ mod network;
 use serde::Serialize;
 
 use super::settings::CommandSettings;
-use super::{ConnectionArgs, Exit, Failure, print, print_json};
+use super::usable::check_config;
+use super::{ConnectionArgs, Console, Exit, Failure, print, print_json};
 use crate::clock::Clock;
 use crate::config::Effective;
 use crate::sandbox::Restrictions;
@@ -105,13 +106,17 @@ impl CheckResult {
 /// # Errors
 /// No runtime, a login or world that cannot be used, an interruption, or a stdout that cannot be
 /// written to. A failed check is not an error but sets the exit code.
-pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
+pub(super) fn run(
+    args: &DoctorArgs,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
     let mut report = DoctorReport {
         json: args.json,
         results: Vec::new(),
         printed: Ok(()),
     };
-    let checked = check_config(settings, &mut report);
+    let checked = checked_config(settings, console, &mut report);
     for result in [
         computer::clock(Clock::default().now()),
         computer::disk(checked.config.data_folder()),
@@ -130,10 +135,20 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
 }
 
 /// Loads the settings. Reports an invalid config and falls back to the defaults.
-fn check_config(settings: &CommandSettings, report: &mut DoctorReport) -> Effective {
+fn checked_config(
+    settings: &CommandSettings,
+    console: &Console,
+    report: &mut DoctorReport,
+) -> Effective {
     let config = settings.load();
     report.add(match (&config, settings.file()) {
-        (Ok(_), Some(path)) => CheckResult::ok("config", format!("{} is valid", path.display())),
+        (Ok(effective), Some(path)) => match check_config(path, &effective.config, console) {
+            Ok(()) => CheckResult::ok("config", format!("{} is valid", path.display())),
+            Err(failure) => {
+                let help = "`spykee serve` would refuse it; `spykee config check` says more";
+                CheckResult::fail("config", failure.what, help)
+            }
+        },
         (Ok(_), None) => {
             CheckResult::ok("config", "no config named, no spykee.yaml here: defaults")
         }

@@ -59,10 +59,13 @@ impl Lesson {
         &LESSONS
     }
 
-    /// Finds a lesson by number, such as `3` or `03`, by name, or by both, such as `03-moving`.
+    /// Finds a lesson by number, such as `3` or `03`, by name or title, such as `Moving`, or by both, such
+    /// as `03-moving`.
     pub(super) fn named(text: &str) -> Option<&'static Lesson> {
+        let is = |name: &str| text.eq_ignore_ascii_case(name);
         LESSONS.iter().find(|lesson| {
-            text.parse() == Ok(lesson.number) || text == lesson.name() || text == lesson.folder
+            let numbered = text.parse() == Ok(lesson.number) || is(lesson.folder);
+            numbered || is(lesson.name()) || is(lesson.title())
         })
     }
 
@@ -146,6 +149,8 @@ mod tests {
                 lesson.number.to_string(),
                 lesson.name().to_owned(),
                 lesson.folder.to_owned(),
+                lesson.title().to_owned(),
+                lesson.name().to_uppercase(),
             ] {
                 assert_eq!(Lesson::named(&name), Some(lesson), "{name}");
             }

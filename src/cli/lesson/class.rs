@@ -11,6 +11,7 @@ use super::catalogue::Lesson;
 const MAX_LEARNERS: usize = 2000;
 
 const NOTHING: &str = "nothing handed in";
+const TWICE: &str = "handed in twice, under the same name";
 
 #[derive(Debug, PartialEq)]
 pub(super) struct Learner {
@@ -19,14 +20,19 @@ pub(super) struct Learner {
     pub(super) script: Result<PathBuf, String>,
 }
 
-/// All learners, sorted by name: those in the folder, and those on the list who are not in it.
-pub(super) fn learners(
-    folder: &Path,
-    lesson: &Lesson,
-    list: &[String],
-) -> io::Result<Vec<Learner>> {
+/// What was handed in.
+#[derive(Debug, PartialEq)]
+pub(super) struct HandedIn {
+    /// All learners, sorted by name: those in the folder, and those on the list who are not in it.
+    pub(super) learners: Vec<Learner>,
+    /// Files in the folder that are no scripts.
+    pub(super) others: Vec<String>,
+}
+
+pub(super) fn handed_in(folder: &Path, lesson: &Lesson, list: &[String]) -> io::Result<HandedIn> {
     let nothing = |name: &String| (name.clone(), Err(NOTHING.to_owned()));
     let mut found: BTreeMap<String, Result<PathBuf, String>> = list.iter().map(nothing).collect();
+    let mut others = Vec::new();
     for path in entries(folder)? {
         let (name, script) = if path.is_dir() {
             let script = match unlinked(path.clone()) {
@@ -34,10 +40,15 @@ pub(super) fn learners(
                 Err(link) => Err(link),
             };
             (name_of(path.file_name()), script)
-        } else if is_script(&path) {
-            (name_of(path.file_stem()), unlinked(path))
+        } else if let Some(name) = script_name(&path) {
+            (name, unlinked(path))
         } else {
+            others.push(name_of(path.file_name()));
             continue;
+        };
+        let script = match found.get(&name) {
+            Some(Ok(_)) => Err(TWICE.to_owned()),
+            _ => script,
         };
         found.insert(name, script);
     }
@@ -46,7 +57,10 @@ pub(super) fn learners(
         return Err(io::Error::other(words));
     }
     let learner = |(name, script)| Learner { name, script };
-    Ok(found.into_iter().map(learner).collect())
+    Ok(HandedIn {
+        learners: found.into_iter().map(learner).collect(),
+        others,
+    })
 }
 
 /// The entries of a folder, sorted by name, without hidden ones.
@@ -66,10 +80,16 @@ fn name_of(name: Option<&std::ffi::OsStr>) -> String {
     name.unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn is_script(path: &Path) -> bool {
+/// The name of a script without its ending, which some editors write as `.LUA` or `.lua.txt`; `None`
+/// for other files.
+fn script_name(path: &Path) -> Option<String> {
     let name = name_of(path.file_name());
-    let named = name.ends_with(".lua") && name != "check.lua" && !name.ends_with("_test.lua");
-    named && (path.is_file() || path.is_symlink())
+    let small = name.to_ascii_lowercase();
+    let stem = small.strip_suffix(".txt").unwrap_or(&small);
+    let stem = stem.strip_suffix(".lua")?;
+    let is_script = stem != "check" && !stem.ends_with("_test");
+    // Lower case has as many bytes: only ASCII letters have changed.
+    (is_script && (path.is_file() || path.is_symlink())).then(|| name[..stem.len()].to_owned())
 }
 
 /// Refuses a symbolic link: it could point to another learner's script, or to any file of the
@@ -82,15 +102,20 @@ fn unlinked(path: PathBuf) -> Result<PathBuf, String> {
     }
 }
 
-/// The script in the folder with the lesson's name, or else the only one.
+/// The script in the folder with the lesson's name, or else the only one. If there is none, those in its
+/// folders count, such as `lesson-03-moving`, which `spykee lesson start` makes.
 fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, String>> {
+    let mut scripts = scripts_in(folder)?;
+    if scripts.is_empty() {
+        for path in entries(folder)? {
+            if path.is_dir() && !path.is_symlink() {
+                scripts.extend(scripts_in(&path)?);
+            }
+        }
+    }
     let wanted = lesson.file();
-    let scripts: Vec<PathBuf> = entries(folder)?
-        .into_iter()
-        .filter(|path| is_script(path))
-        .collect();
-    let named = scripts.iter().find(|path| path.ends_with(&wanted));
-    Ok(match (named, scripts.as_slice()) {
+    let is_wanted = |path: &&PathBuf| script_name(path).as_deref() == Some(lesson.name());
+    Ok(match (scripts.iter().find(is_wanted), scripts.as_slice()) {
         (Some(path), _) | (None, [path]) => unlinked(path.clone()),
         (None, []) => Err(NOTHING.to_owned()),
         (None, several) => Err(format!(
@@ -98,6 +123,12 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, Strin
             several.len()
         )),
     })
+}
+
+fn scripts_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut scripts = entries(folder)?;
+    scripts.retain(|path| script_name(path).is_some());
+    Ok(scripts)
 }
 
 /// Texts with at least this similarity, from 0 to 1, are nearly the same.
@@ -159,12 +190,25 @@ mod tests {
     fn learners_are_found_by_folder_or_script_and_missing_ones_by_the_list() {
         let class = tempfile::tempdir().unwrap();
         let elsewhere = tempfile::tempdir().unwrap();
-        for folder in ["Ada", "Ben", "Cem", "Dora", ".git"] {
-            fs::create_dir(class.path().join(folder)).unwrap();
+        for folder in [
+            "Ada",
+            "Ben",
+            "Cem",
+            "Dora",
+            ".git",
+            "Kim/lesson-03-moving",
+            "Lea",
+        ] {
+            fs::create_dir_all(class.path().join(folder)).unwrap();
         }
         for file in [
             "Ada/moving.lua",
             "Ada/other.lua",
+            "Kim/lesson-03-moving/moving.lua",
+            "Lea/Moving.lua.txt",
+            "Max.LUA",
+            "Nia.LUA",
+            "Nia.lua",
             "Ben/mine.lua",
             "Cem/a.lua",
             "Cem/b.lua",
@@ -186,8 +230,10 @@ mod tests {
         }
         let lesson = Lesson::named("3").unwrap();
         let list = ["Ada".to_owned(), "Finn".to_owned()];
-        let found = learners(class.path(), lesson, &list).unwrap();
+        let found = handed_in(class.path(), lesson, &list).unwrap();
+        assert_eq!(found.others, ["notes.txt"]);
         let shown: Vec<String> = found
+            .learners
             .iter()
             .map(|one| match &one.script {
                 Ok(path) => {
@@ -210,6 +256,10 @@ mod tests {
                 "Hal: handed in as a symbolic link, which is not followed",
                 "Ida: handed in as a symbolic link, which is not followed",
                 "Jim: handed in as a symbolic link, which is not followed",
+                "Kim: Kim/lesson-03-moving/moving.lua",
+                "Lea: Lea/Moving.lua.txt",
+                "Max: Max.LUA",
+                "Nia: handed in twice, under the same name",
             ]
         );
     }

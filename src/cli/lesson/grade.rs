@@ -1,16 +1,21 @@
 //! `spykee lesson grade`: checks the scripts of a class, each as `spykee lesson check` does.
 
 use std::fs;
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
 use super::check::{Marks, TryArgs, marks_of, read};
-use super::class::{Learner, Pair, learners, pairs};
+use super::class::{Learner, Pair, handed_in, pairs};
 use super::feedback::sentence;
 use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
+use crate::files;
+
+/// Maximum length of the list of names, in bytes.
+const MAX_NAMES: u64 = 1 << 20;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct GradeArgs {
@@ -56,6 +61,8 @@ struct Class {
     max_points: u32,
     learners: Vec<Graded>,
     alike: Vec<Pair>,
+    /// Files in the folder that are no scripts.
+    others: Vec<String>,
 }
 
 pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> {
@@ -65,13 +72,13 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         Failure::unreadable(folder, error)
             .help("give the folder that has a folder or a script for each learner")
     };
-    let found = learners(folder, lesson, &names(args)?).map_err(cannot)?;
-    if found.is_empty() {
+    let found = handed_in(folder, lesson, &names(args)?).map_err(cannot)?;
+    if found.learners.is_empty() {
         let why = format!("there is no script in {}", folder.display());
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
     let mut graded = Vec::new();
-    for learner in found {
+    for learner in found.learners {
         graded.push(grade(learner, args, console)?);
     }
     let texts: Vec<Option<String>> = graded.iter_mut().map(|one| one.text.take()).collect();
@@ -80,6 +87,7 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         max_points: graded.iter().map(|one| one.max_points).max().unwrap_or(0),
         learners: graded,
         alike: pairs(&texts, lesson.starter),
+        others: found.others,
     };
     print(&if args.json {
         format!("{:#}\n", class.json())
@@ -95,7 +103,7 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     let Some(path) = &args.names else {
         return Ok(Vec::new());
     };
-    let text = fs::read_to_string(path).map_err(|error| {
+    let text = files::read_text(path, MAX_NAMES).map_err(|error| {
         Failure::unreadable(path, error).help("--names needs a text file with one name per line")
     })?;
     let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
@@ -119,14 +127,36 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded
             return Ok(graded);
         }
     };
-    let marks = marks_of(args.lesson, &file, &source, &args.tries, console)?;
+    let own = tempfile::tempdir().map_err(|error| Failure::io("create a folder", error))?;
+    let played = played_file(&file, &source, args, own.path())
+        .map_err(|error| Failure::io(format_args!("copy {}", file.display()), error))?;
+    let marks = marks_of(args.lesson, &played, &source, &args.tries, console)?;
     graded.points = marks.points();
     graded.max_points = marks.max_points();
     let text = String::from_utf8_lossy(&source).into_owned();
     graded.missing.extend(args.lesson.other_than_named(&text));
-    graded.missing.extend(missing(&marks));
+    // An error names the file that was handed in, not the copy that was played.
+    let shown = file.display().to_string();
+    let copy = played.display().to_string();
+    let sentences = missing(&marks).into_iter();
+    graded
+        .missing
+        .extend(sentences.map(|words| words.replace(&copy, &shown)));
     graded.text = Some(text);
     Ok(graded)
+}
+
+/// The file to play: the script in the learner's own folder, with the modules beside it, or else a copy
+/// in a folder of its own. Beside it in the class's folder are the scripts of others, which it could
+/// `require`; and only a file that is named `.lua` is played.
+fn played_file(file: &Path, source: &[u8], args: &GradeArgs, own: &Path) -> io::Result<PathBuf> {
+    let is_shared = file.parent() == Some(args.folder.as_path());
+    if !is_shared && file.extension().is_some_and(|ending| ending == "lua") {
+        return Ok(file.to_owned());
+    }
+    let copy = own.join(args.lesson.file());
+    fs::write(&copy, source)?;
+    Ok(copy)
 }
 
 /// The sentences that say what is missing, each once.
@@ -171,6 +201,9 @@ impl Class {
             .collect();
         if !absent.is_empty() {
             text += &format!("\nNo script to check from: {}\n", absent.join(", "));
+        }
+        if !self.others.is_empty() {
+            text += &format!("\nNo scripts, not read: {}\n", self.others.join(", "));
         }
         for pair in &self.alike {
             let (one, other) = self.names(pair);
@@ -232,6 +265,7 @@ impl Class {
             "lesson": self.lesson.number, "title": self.lesson.title(), "max_points": self.max_points,
             "learners": self.learners.iter().map(learner).collect::<Vec<Value>>(),
             "same_text": self.alike.iter().map(pair).collect::<Vec<Value>>(),
+            "not_read": self.others,
         })
     }
 }

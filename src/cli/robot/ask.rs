@@ -1,5 +1,7 @@
 //! `spykee robot info`, `battery` and `log`: print what the robot reports.
 
+use std::time::Duration;
+
 use serde_json::json;
 
 use super::session::{with_exclusive_session, with_session};
@@ -7,6 +9,7 @@ use crate::cli::running::SharedTargetArgs;
 use crate::cli::runs::describe;
 use crate::cli::settings::CommandSettings;
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
+use crate::clock;
 use crate::robot::{Battery, RobotInfo};
 use crate::wire::{Command, Report, latin1};
 
@@ -89,23 +92,35 @@ fn show_info(
 pub(super) fn battery(args: &ReportArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     if let Some(run) = args.target.find_run(settings)? {
         let battery = run.status.battery.ok_or_else(never_connected)?;
-        return show_battery(args.json, battery);
+        return show_battery(args.json, battery, run.status.battery_age.unwrap_or(0));
     }
     with_session(&args.target.connection, settings, async |session| {
-        show_battery(args.json, Battery::reported(session.link.power))
+        show_battery(args.json, Battery::reported(session.link.power), 0)
     })
 }
 
-fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
+/// A level that is older than this is printed with its age, seconds.
+const OLD: u64 = 60;
+
+/// `age`: the seconds since the robot told it.
+fn show_battery(as_json: bool, battery: Battery, age: u64) -> Result<Exit, Failure> {
     if as_json {
         print_json(&json!({
             "percent": battery.percent, "charging": battery.charging,
-            "minutes_left": battery.minutes_left,
+            "minutes_left": battery.minutes_left, "age": age,
         }))?;
     } else {
-        print(&format!("{}\n", describe(battery)))?;
+        print(&format!("{}\n", aged(battery, age)))?;
     }
     Ok(Exit::Done)
+}
+
+fn aged(battery: Battery, age: u64) -> String {
+    let told = clock::hours(Duration::from_secs(age));
+    match age {
+        ..=OLD => describe(battery),
+        _ => format!("{}, as the robot told {told} ago", describe(battery)),
+    }
 }
 
 fn never_connected() -> Failure {
@@ -130,4 +145,22 @@ pub(super) fn log(args: &LogArgs, settings: &CommandSettings) -> Result<Exit, Fa
         }
         Ok(Exit::Done)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Percent;
+
+    #[test]
+    fn an_old_level_has_its_age() {
+        let battery = Battery {
+            percent: Percent::new(64),
+            charging: false,
+            minutes_left: None,
+        };
+        assert_eq!(aged(battery, 5), "64 %");
+        let told = "64 %, as the robot told 2:03:00 ago";
+        assert_eq!(aged(battery, 2 * 3600 + 180), told);
+    }
 }

@@ -1,5 +1,7 @@
 //! `spykee robot snapshot`: saves one intact picture.
 
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -83,7 +85,13 @@ pub(in crate::cli) fn with_pictures(
 
 fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
     let output = &args.output;
-    std::fs::write(output, &shot.jpeg).map_err(|error| Failure::unwritable(output, error))?;
+    // It may show a home: only this user may look at a new file.
+    let mut private = std::fs::OpenOptions::new();
+    private.write(true).create(true).truncate(true).mode(0o600);
+    let written = private
+        .open(output)
+        .and_then(|mut file| file.write_all(&shot.jpeg));
+    written.map_err(|error| Failure::unwritable(output, error))?;
     let file = output.display().to_string();
     let bytes = shot.jpeg.len();
     let Size { width, height } = shot.size;

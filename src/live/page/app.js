@@ -6,10 +6,12 @@ import { camera } from "./camera.js";
 import { Connection } from "./connection.js";
 import { clock, h, remember, remembered, say, visible } from "./dom.js";
 import { drive } from "./drive.js";
+import { gallery } from "./gallery.js";
 import { log } from "./log.js";
 import { askForToken, logInByLink, logOut, me } from "./login.js";
 import { map } from "./map.js";
 import { historyCard, schedule } from "./history.js";
+import { closePhoto } from "./photo.js";
 import { robot } from "./robot.js";
 import { closeScript } from "./script.js";
 import { simulation } from "./simulation.js";
@@ -59,7 +61,7 @@ function build(app, visitor) {
 
   const stop = emergencyStop(connection, show);
   // In the capture phase, before any other listener and wherever the focus is.
-  window.addEventListener("keydown", (event) => event.key === "Escape" && (closeScript() || stop.engage()), true);
+  window.addEventListener("keydown", (event) => event.key === "Escape" && (closeScript() || closePhoto() || stop.engage()), true);
 
   const name = h("input", {
     id: "name", maxlength: 24, autocomplete: "nickname", value: remembered("name", ""),
@@ -73,6 +75,7 @@ function build(app, visitor) {
     camera: camera(connection), drive: drive(connection, command, note), map: map(connection, command),
     battery: battery(connection), robot: robot(connection, command), behaviours: behaviours(connection, command),
     simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection),
+    gallery: gallery(connection),
   };
   /** Past all lines of the log. */
   function skip(event) {
@@ -81,7 +84,7 @@ function build(app, visitor) {
   }
 
   const controls = h("fieldset", { class: "grid", role: "none" },
-    h("div", { class: "column" }, parts.camera, parts.log, parts.history),
+    h("div", { class: "column" }, parts.camera, parts.gallery, parts.log, parts.history),
     h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
     h("div", { class: "column" }, parts.drive, parts.battery, parts.robot));
   app.replaceChildren(

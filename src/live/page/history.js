@@ -12,12 +12,12 @@ const RANGES = [
 /** Least width of what happened within a moment, in parts of the period. */
 const MARK = 2.5;
 /** Refresh interval of both, in milliseconds. */
-const AGAIN = 60_000;
-const PICTURES = 8;
+export const AGAIN = 60_000;
 /** Results of dockings and undockings that are not failures. */
 const GOOD = ["done", "already_docked", "not_docked"];
 
-async function ask(path) {
+/** Returns what the server answers; null without an answer. */
+export async function ask(path) {
   const answer = await fetch(path, { signal: AbortSignal.timeout(FETCH_LIMIT) }).catch(() => null);
   return answer?.ok ? answer.json() : null;
 }
@@ -69,19 +69,9 @@ function lanes({ since, part, parts }) {
 
 function row({ at, kind, behaviour, code, text }, time) {
   const what = [word("event", kind), behaviour, code ? word("code", code) : ""].filter((one) => one).join(" · ");
-  const bad = kind === "given_up" || kind === "safety" || (kind === "dock" && !GOOD.includes(code));
+  const bad = kind === "given_up" || kind === "notify" || kind === "safety" || (kind === "dock" && !GOOD.includes(code));
   return h("li", { class: bad && "bad" },
-    h("time", {}, time.format(new Date(at))), h("span", { class: "text" }, text && kind !== "picture" ? `${what}: ${text}` : what));
-}
-
-function picture({ at, behaviour, text }, time) {
-  const src = `/api/behaviours/${encodeURIComponent(behaviour)}/pictures/${encodeURIComponent(text)}`;
-  const when = time.format(new Date(at));
-  const image = h("img", { src, alt: t("picture_of", { name: behaviour, when }), loading: "lazy" });
-  const link = h("a", { href: src, target: "_blank", rel: "noopener" }, image);
-  // The picture may have been deleted to make room for newer ones.
-  image.addEventListener("error", () => link.remove());
-  return link;
+    h("time", {}, time.format(new Date(at))), h("span", { class: "text" }, text ? `${what}: ${text}` : what));
 }
 
 export function historyCard(connection) {
@@ -89,7 +79,6 @@ export function historyCard(connection) {
   const time = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
   const drawing = h("div", { class: "lanes", role: "img" });
   const axis = h("span", { class: "quiet scale" });
-  const pictures = h("div", { class: "pictures" });
   const events = h("ol", { class: "events", tabindex: 0, "aria-label": t("history") });
   const buttons = RANGES.map((range) => h("button", { type: "button", onclick: () => choose(range) }, t(`range_${range[0]}`)));
   let chosen = RANGES[0];
@@ -122,15 +111,13 @@ export function historyCard(connection) {
     }
     card.hidden = false;
     draw(told, range);
-    const kept = told.events.filter(({ kind, text }) => kind === "picture" && text).slice(-PICTURES).reverse();
-    pictures.replaceChildren(...kept.map((one) => picture(one, time)));
     events.replaceChildren(...told.events.toReversed().map((one) => row(one, time)));
   }
 
   const card = h("section", { class: "card history", "aria-labelledby": "history-title", hidden: true },
     h("div", { class: "head" }, h("h2", { id: "history-title" }, t("history")),
       h("div", { class: "row ranges", role: "group", "aria-label": t("history_of") }, ...buttons)),
-    drawing, pictures, events);
+    drawing, events);
   connection.on("hello", () => choose(chosen));
   return card;
 }

@@ -47,6 +47,7 @@ pub(super) const NATIVES: &Natives = &[
             Some((place.ahead, place.left))
         })
     }),
+    ("Frame:distance_to", distance_to),
     // `x, y`, or nil for a direction that is not in front of the camera
     ("Frame:pixel_at", |call| {
         convert_point(call, |camera, bearing, elevation, size| {
@@ -305,12 +306,53 @@ fn qrcodes(call: &mut Call<'_>) -> NativeResult {
             corner.raw_set("y", y)?;
             corners.raw_push(of_row("Corner", corner))?;
         }
-        let table = call.lua.create_table_with_capacity(0, 2)?;
+        let table = call.lua.create_table_with_capacity(0, 7)?;
         table.raw_set("text", code.text)?;
         table.raw_set("corners", corners)?;
+        let (x, w) = extent(code.corners.map(|[x, _]| x));
+        let (y, h) = extent(code.corners.map(|[_, y]| y));
+        for (name, number) in [("x", x), ("y", y), ("w", w), ("h", h)] {
+            table.raw_set(name, number)?;
+        }
+        let (cx, cy) = (
+            f64::from(x) + f64::from(w) / 2.0,
+            f64::from(y) + f64::from(h) / 2.0,
+        );
+        let camera = call.state.options.camera;
+        table.raw_set("bearing", camera.bearing(cx, cy, held.size))?;
         list.raw_push(of_row("QrCode", table))?;
     }
     call.reply(list)
+}
+
+/// The first of the corners' columns or rows in the picture, and how many there are to the last one.
+fn extent(corners: [i32; 4]) -> (i32, i32) {
+    let first = corners.into_iter().min().unwrap_or(0).max(0);
+    let last = corners.into_iter().max().unwrap_or(0);
+    (first, last - first)
+}
+
+/// The distance at which something so wide fills the width of the box; nil if it may go on beyond the
+/// picture.
+fn distance_to(call: &mut Call<'_>) -> NativeResult {
+    let part: Roi = call.args.get(0)?;
+    let width: f64 = call.args.get(1)?;
+    let held = receiver(call)?;
+    let camera = call.state.options.camera;
+    let size = call.state.image(&held).map(Image::size);
+    let Some(size) = size.filter(|size| part.x > 0 && part.x + part.w < size.width) else {
+        return call.reply(LuaValue::Nil);
+    };
+    let row = f64::from(part.y) + f64::from(part.h) / 2.0;
+    // Positions count from the centres of pixels.
+    let left = camera.bearing(f64::from(part.x) - 0.5, row, size);
+    let right = camera.bearing(f64::from(part.x + part.w) - 0.5, row, size);
+    let half = (left - right) / 2.0;
+    if half > 0.0 {
+        call.reply(width / (2.0 * half.tan()))
+    } else {
+        call.reply(LuaValue::Nil)
+    }
 }
 
 fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> NativeResult {

@@ -167,6 +167,15 @@ fn bad_files_are_refused_with_their_line() {
         refused(b"--\n--\n\xff\xfe"),
         Failure::NotUtf8 { line: 3, .. }
     ));
+    let utf16: Vec<u8> = "\u{feff}print(1)"
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    assert!(
+        refused(&utf16)
+            .to_string()
+            .contains("save the file as UTF-8")
+    );
     assert!(matches!(
         refused(b"--\n\x1b[2J"),
         Failure::Control {

@@ -187,10 +187,25 @@ fn brightness_sharpness_and_pixels_are_measured() {
 fn a_qr_code_is_read() {
     let jpeg = Bytes::from_static(include_bytes!("../../../tests/fixtures/qrcode.jpg"));
     let texts = seen(
-        "local c = f:find_qrcodes()[1] print(#c.text > 0, #c.corners, c.corners[1].x < c.corners[2].x)",
+        "local c = f:find_qrcodes()[1] print(#c.text > 0, #c.corners, c.corners[1].x < c.corners[2].x)
+         print(c.x >= 0 and c.w > 20 and c.x + c.w <= f.width, math.abs(c.bearing) < 0.7, f:distance_to(c, 0.1) > 0)",
         &jpeg,
     );
-    assert_eq!(texts, ["true 4 true"]);
+    assert_eq!(texts, ["true 4 true", "true true true"]);
+}
+
+#[test]
+fn the_width_of_a_box_tells_how_far_something_of_a_known_width_is() {
+    let jpeg = picture(&[((150, 100, 20, 20), BLUE), ((0, 180, 30, 20), BLUE)]);
+    let texts = seen(
+        "local b = f:find_blobs('blue', { roi = { 100, 90, 120, 40 } })[1]
+         local wide = { x = b.x - 10, y = b.y, w = b.w + 20, h = b.h }
+         local far, near = f:distance_to(b, 0.1), f:distance_to(wide, 0.1)
+         print(far > 0.5 and far < 5, math.abs(far / near - wide.w / b.w) < 0.05, math.abs(f:distance_to(b, 0.2) / far - 2) < 1e-6)
+         print(f:distance_to(f:find_blobs('blue', { roi = { 0, 170, 60, 40 } })[1], 0.1))",
+        &jpeg,
+    );
+    assert_eq!(texts, ["true true true", "nil"]);
 }
 
 #[test]

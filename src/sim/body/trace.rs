@@ -14,8 +14,9 @@ const MAX_EVENTS: usize = 2048;
 /// A sample is taken when the robot has moved this far, metres, or turned this far, radians.
 const STRIDE: f64 = 0.02;
 const TURN: f64 = 0.1;
-/// Metres per step; in a longer step the robot did not drive but was placed.
+/// Metres and radians per step; in a longer step the robot did not drive but was placed.
 const MAX_STEP: f64 = 0.1;
+const MAX_TURN: f64 = 0.5;
 
 /// A point of the path.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -80,6 +81,7 @@ pub struct Trace {
     balls: Vec<Point>,
     walkers: Vec<Point>,
     distance: f64,
+    turned: f64,
 }
 
 impl Trace {
@@ -107,6 +109,10 @@ impl Trace {
         balls: usize,
     ) {
         let placed = pose.point().distance(self.now.pose.point()) > MAX_STEP;
+        let turn = wrap(pose.heading - self.now.pose.heading);
+        if !placed && turn.abs() < MAX_TURN {
+            self.turned += turn;
+        }
         if !placed {
             self.distance += pose.point().distance(self.now.pose.point());
         }
@@ -183,6 +189,11 @@ impl Trace {
         self.distance
     }
 
+    /// Returns how far it has turned, in radians; turns to the left minus turns to the right.
+    pub fn turned(&self) -> f64 {
+        self.turned
+    }
+
     /// Returns the current places of the balls, in the world's order.
     pub fn balls(&self) -> &[Point] {
         &self.balls
@@ -233,6 +244,20 @@ mod tests {
             Some(Duration::from_secs(4000))
         );
         assert!((trace.distance() - 4200.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn turns_add_up_beyond_a_full_circle_and_placing_is_none() {
+        let mut trace = Trace::from(pose(0.0));
+        let mut turn = |heading: f64| {
+            let at = Pose::new(0.0, 1.0, wrap(heading));
+            trace.add_sample(Duration::ZERO, at, std::iter::empty(), 0);
+            trace.turned()
+        };
+        let whole = (1..=80).map(|step| turn(0.1 * f64::from(step))).last();
+        assert!((whole.unwrap() - 8.0).abs() < 1e-9);
+        assert!((turn(8.0 + 2.0) - 8.0).abs() < 1e-9, "it was placed");
+        assert!((turn(10.0 - 0.3) - 7.7).abs() < 1e-9);
     }
 
     #[test]

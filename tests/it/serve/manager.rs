@@ -7,6 +7,7 @@ use tokio::time::timeout;
 
 use super::{DRIVES, config, ends_well, run_spykee, succeed};
 use crate::guardian::thread_called;
+use crate::notify::Webhook;
 use crate::rig::{Rig, WAIT_LIMIT, assert_contains};
 use crate::slow_system::trace;
 
@@ -148,4 +149,42 @@ async fn a_password_may_come_from_the_service_managers_credentials() {
     let mut run = rig.spykee_with(&args, &environment);
     run.says("connected").await;
     ends_well(&mut run).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_secret_of_a_config_may_belong_to_root_because_systemd_passes_it() {
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[200]);
+    let phone = format!(
+        "notify: {{ targets: {{ phone: {{ url: 'http://{}/{{token}}', token_file: phone.topic }} }} }}\n",
+        hook.address
+    );
+    let broker = "mqtt: { host: 127.0.0.1, password_file: mqtt.password }\n";
+    let path = rig.file("spykee.yaml", &format!("{phone}{broker}"));
+    let path = path.to_str().unwrap();
+    let print = [
+        "service",
+        "print",
+        "--config",
+        path,
+        "--program",
+        "/usr/bin/env",
+    ];
+    let text = succeed(&rig, &print).await;
+    let folder = rig.folder().to_str().unwrap().to_owned();
+    let name = |file: &str| {
+        let path = format!("{folder}/{file}");
+        path.trim_start_matches('/').replace(['/', '-'], "-")
+    };
+    for file in ["phone.topic", "mqtt.password"] {
+        let line = format!("LoadCredential={}:{folder}/{file}\n", name(file));
+        assert!(text.contains(&line), "{line}: {text}");
+    }
+    // The file itself is not there: the service reads the copy.
+    rig.file(&name("phone.topic"), "secret-topic\n");
+    let args = ["config", "test-notify", "phone", "--config", path];
+    let environment = [("CREDENTIALS_DIRECTORY", folder.as_str())];
+    let mut run = rig.spykee_with(&args, &environment);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(hook.asked()[0].head.contains("/secret-topic"));
 }

@@ -6,7 +6,8 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;
 
 use super::{DRIVES, drove_on};
-use crate::rig::{Rig, Run};
+use crate::notify::Webhook;
+use crate::rig::{Rig, Run, assert_contains};
 
 const TOKEN: &str = "s3cr3t-t0ken";
 
@@ -151,6 +152,29 @@ async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
             "it {what}: {text}"
         );
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_redirect_takes_no_secret_to_another_host() {
+    let rig = Rig::quiet().await;
+    let other = Webhook::start(&[200]);
+    let to = format!("http://{}/", other.address);
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().map_while(Result::ok) {
+            let _ = stream.read(&mut [0; 4096]);
+            redirect(&mut stream, 307, &to);
+        }
+    });
+    let target = format!(
+        "hook: {{ url: 'http://{address}/', token_file: token, headers: {{ X-Token: '{{token}}' }} }}"
+    );
+    rig.file("hook.yaml", &config(&rig, &target, ""));
+    let mut test = rig.spykee(&["config", "test-notify", "--config", "hook.yaml"]);
+    assert_eq!(test.code().await, Some(4), "{}", test.text());
+    assert_contains(&test.text(), &["it redirects to another address"]);
+    assert!(other.asked().is_empty(), "{:?}", other.asked());
 }
 
 #[tokio::test(flavor = "multi_thread")]

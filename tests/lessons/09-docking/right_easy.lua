@@ -1,7 +1,6 @@
 -- right
 local easy = require("@spykee/easy")
 easy.leave_home()
-easy.left(180)
 easy.drive(50)
 if easy.go_home() then
 	easy.sound("bip_2")
