@@ -53,9 +53,10 @@ end
 scenario("The farther the line is to one side, the faster it turns", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 60 }, function(sim)
 	sim:run()
 	sim:wait(1)
-	local much, little = turning(sim, 0.18), turning(sim, 0.06)
+	local much, more, little = turning(sim, 0.18), turning(sim, 0.12), turning(sim, 0.06)
 	expect(much < -0.1, "The line is to the right, but it does not turn right: for that the second number of robot.drive must be negative.")
-	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
+	local grows = math.abs(much) > 1.8 * math.abs(little) and math.abs(much) > 1.15 * math.abs(more) and math.abs(more) > 1.15 * math.abs(little)
+	expect(grows, "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
 end)
 
 -- Whether the script has failed because of a nil.
