@@ -10,8 +10,7 @@ use tracing::warn;
 
 use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
-    Handle, HostContext, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel,
-    Supervisor,
+    Handle, HostContext, Launch, Prepared, PromptCommand, PromptMessage, ReplChannel, Supervisor,
 };
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Priority};
@@ -21,10 +20,7 @@ use crate::script::ScriptExit;
 pub struct ReplSession {
     /// The behaviour, from which each replacement is made; `interactive` in its options.
     pub launch: Launch,
-    pub launcher: Launcher,
     pub setup: PilotSetup,
-    /// The rescue behaviour, if any: see [`rescue`](super::rescue).
-    pub rescue: Option<Launch>,
 }
 
 /// Why a session was aborted.
@@ -50,17 +46,14 @@ impl ReplSession {
     /// low battery is home. In either case the robot is stopped. Returns whether the watchdog
     /// controlled the robot at the end.
     pub async fn run(
-        mut self,
+        self,
         mut commands: mpsc::Receiver<PromptCommand>,
         sink: mpsc::Sender<PromptMessage>,
         stop: CancellationToken,
     ) -> Result<bool, ReplError> {
-        if let Some(launch) = self.rescue {
-            self.setup.stand_by(self.launcher.clone(), launch);
-        }
         let mut session = RunningSession {
             launch: self.launch,
-            context: self.setup.host_context(self.launcher),
+            context: self.setup.host_context(),
             pilot: self.setup.launch(&stop),
             last: 0,
         };

@@ -3,17 +3,16 @@
 
 use std::time::Duration;
 
-use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
+use super::connection::RobotTarget;
 use super::interrupt::handle_signals;
-use super::startup::{driving_core, heartbeat, launcher};
-use super::{Exit, Failure};
-use crate::agent::{AgentError, PilotClient, PilotClientError, PilotSetup, RunningPilot};
-use crate::behaviour::Launch;
-use crate::guardian::GuardianFiles;
-use crate::pilot::{Connector, Heartbeat, Settings, Status};
+use super::{Exit, Failure, block_on};
+use crate::agent::{
+    AgentError, PilotClient, PilotClientError, PilotPlan, PilotSetup, RunningPilot,
+};
+use crate::pilot::Status;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{
     BehaviourId, DockEnd, DockOutcome, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
@@ -21,12 +20,6 @@ use crate::robot::{
 use crate::wire::Stream;
 
 const DRIVER_ID: BehaviourId = BehaviourId(0);
-
-pub(super) struct DriverParts {
-    pub(super) connector: Connector,
-    pub(super) settings: Settings,
-    pub(super) rescue: Option<Launch>,
-}
 
 /// Drives the robot through a client of the pilot.
 pub(super) struct Driver {
@@ -37,27 +30,29 @@ pub(super) struct Driver {
     pilot: RunningPilot,
 }
 
-/// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
-/// terminating signal ends the job; Ctrl-Z stops the robot, then suspends the program. If the
-/// battery is low, stays connected until the robot is on its station, unless a signal arrives.
-pub(super) async fn drive(
-    parts: DriverParts,
+/// Lets `job` drive this robot: see [`drive`].
+///
+/// # Errors
+/// A person's STOP holds, the robot cannot be reached, or the job fails.
+pub(super) fn drive_target(
+    target: &RobotTarget,
+    seed: u64,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let core = driving_core()?;
-    let heartbeat = heartbeat(parts.settings.simulated, GuardianFiles::default())?;
-    drive_on(core.handle(), Some(heartbeat), parts, job).await
+    let (_core, plan) = target.driver_plan(seed)?;
+    block_on(drive(plan, job))?
 }
 
-/// The same on this runtime; in virtual time without a heartbeat, and then without signals.
-pub(super) async fn drive_on(
-    core: &runtime::Handle,
-    heartbeat: Option<Heartbeat>,
-    parts: DriverParts,
+/// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
+/// terminating signal ends the job, except in virtual time; Ctrl-Z stops the robot, then suspends
+/// the program. If the battery is low, stays connected until the robot is on its station, unless a
+/// signal arrives.
+pub(super) async fn drive(
+    plan: PilotPlan,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let mut driver = Driver::launch(parts, core, heartbeat, &stop)?;
+    let mut driver = Driver::launch(plan, &stop)?;
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
@@ -84,20 +79,12 @@ async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = 
 }
 
 impl Driver {
-    fn launch(
-        parts: DriverParts,
-        core: &runtime::Handle,
-        heartbeat: Option<Heartbeat>,
-        stop: &CancellationToken,
-    ) -> Result<Driver, Failure> {
-        let is_real_time = heartbeat.is_some();
-        let mut setup = PilotSetup::new(parts.settings, parts.connector, core.clone(), heartbeat);
+    fn launch(plan: PilotPlan, stop: &CancellationToken) -> Result<Driver, Failure> {
+        let signals_on = plan.heartbeat.as_ref().map(|_| plan.core.clone());
+        let setup = PilotSetup::new(plan);
         let requests = setup.requests();
-        if is_real_time {
-            handle_signals(core, requests.clone(), stop.clone(), &[], None)?;
-        }
-        if let Some(rescue) = parts.rescue {
-            setup.stand_by(launcher()?, rescue);
+        if let Some(core) = signals_on {
+            handle_signals(&core, requests.clone(), stop.clone(), &[], None)?;
         }
         Ok(Driver {
             requests,

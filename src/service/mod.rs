@@ -14,7 +14,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 use self::executor::Executor;
-use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome, Plan};
+use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome};
 use crate::clock::{Clock, is_plausible};
 use crate::config;
 use crate::pilot::Status;
@@ -79,28 +79,6 @@ pub struct Service {
 }
 
 impl Service {
-    /// A service in a simulation: it has no manager, nobody reloads its config, and its first
-    /// connection is repeated until it succeeds.
-    pub fn in_simulation(mut plan: Plan, service_plan: ServicePlan, record: RecordFile) -> Service {
-        plan.stays = true;
-        plan.specs = service_plan.specs.clone();
-        plan.settings.waits = true;
-        let bus = plan.bus.clone();
-        let (agent, status) = Agent::new(plan);
-        let (_, reloads) = mpsc::channel(1);
-        Service {
-            agent,
-            status,
-            clock: Clock::default(),
-            service_plan,
-            record,
-            notifier: ManagerNotifier::default(),
-            bus,
-            view: View::channel().0,
-            reloads,
-        }
-    }
-
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let notifier = self.notifier.clone();
         let planner = Planner::new(self.service_plan.table.clone(), self.record.record.clone());

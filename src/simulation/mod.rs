@@ -23,11 +23,11 @@ use tokio_util::sync::CancellationToken;
 
 pub use self::recorder::{Event, EventKind, Recorder, now};
 pub use self::sim_clock::{ClockMode, SimClock, TimeScale};
-use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, PilotPlan, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, STACK};
-use crate::pilot::{Connector, Reactions, Settings, Status};
+use crate::pilot::{Connector, Settings, Status};
 use crate::robot::channel::Request;
-use crate::robot::{Bus, Pictures, Streams};
+use crate::robot::{Bus, Streams};
 use crate::safety::Limits;
 use crate::sim::{self, Handle, World};
 use crate::vision::Camera;
@@ -109,6 +109,16 @@ impl Simulation {
         self.began.elapsed()
     }
 
+    /// Returns the token that ends its runs.
+    pub fn stop(&self) -> CancellationToken {
+        self.options.stop.clone()
+    }
+
+    /// Returns the clock that people control, if it has one.
+    pub fn sim_clock(&self) -> Option<SimClock> {
+        self.options.sim_clock.clone()
+    }
+
     /// Returns the simulation's seed.
     pub fn seed(&self) -> u64 {
         self.options.seed
@@ -150,9 +160,6 @@ pub struct Running {
     stop: CancellationToken,
     status: watch::Receiver<Status>,
     requests: mpsc::Sender<Request>,
-    roster: Roster,
-    pictures: watch::Receiver<Pictures>,
-    reactions: Reactions,
     agent: JoinHandle<Result<Outcome, AgentError>>,
 }
 
@@ -171,17 +178,11 @@ impl Running {
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);
         let requests = agent.requests();
-        let roster = agent.roster();
-        let pictures = agent.pictures();
-        let reactions = agent.reactions();
         let agent = tokio::task::spawn_local(agent.run(stop.clone()));
         Running {
             stop,
             status,
             requests,
-            roster,
-            pictures,
-            reactions,
             agent,
         }
     }
@@ -203,21 +204,6 @@ impl Running {
 
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.requests.clone()
-    }
-
-    /// Returns the roster, through which behaviours are started and stopped.
-    pub fn roster(&self) -> Roster {
-        self.roster.clone()
-    }
-
-    /// Returns a receiver of the camera's pictures.
-    pub fn pictures(&self) -> watch::Receiver<Pictures> {
-        self.pictures.clone()
-    }
-
-    /// Returns the measured reaction times, from a frame to a track command.
-    pub fn reactions(&self) -> Reactions {
-        self.reactions.clone()
     }
 
     /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
@@ -246,21 +232,23 @@ fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour>) -> Plan 
         behaviours,
         specs: Vec::new(),
         stays: false,
-        settings: Settings {
-            limits: options.limits.clone(),
-            simulated: true,
-            seed: options.seed,
-            link: link::Options::default(),
-            waits: false,
-            streams: options.streams,
-        },
-        connector: connector(sim, options.sim.login.clone()),
-        launcher: Launcher::in_this_thread(),
-        core: runtime::Handle::current(),
-        heartbeat: None,
-        rescue: rescue(options, camera),
         limit: None,
-        bus: options.bus.clone(),
+        pilot: PilotPlan {
+            settings: Settings {
+                limits: options.limits.clone(),
+                simulated: true,
+                seed: options.seed,
+                link: link::Options::default(),
+                waits: false,
+                streams: options.streams,
+            },
+            connector: connector(sim, options.sim.login.clone()),
+            launcher: Launcher::in_this_thread(),
+            core: runtime::Handle::current(),
+            heartbeat: None,
+            rescue: rescue(options, camera),
+            bus: options.bus.clone(),
+        },
     }
 }
 

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::driver::{Driver, drive};
+use super::driver::{Driver, drive_target};
 use super::settings::CommandSettings;
 use super::world::EmbeddedSim;
-use super::{ConnectionArgs, Exit, Failure, block_on, print, print_json};
+use super::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::pilot::Status;
 use crate::robot::{MotionEnd, Setpoint};
 use crate::safety::WatchdogState;
@@ -86,18 +86,16 @@ pub(super) fn run(args: &CalibrateArgs, settings: &CommandSettings) -> Result<Ex
     }
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.connection.resolve(settings, seed)?;
-    let parts = target.driver_parts(seed)?;
     let simulator = target.sim.as_ref().map(EmbeddedSim::handle);
     let mut measured = None;
-    let measuring = drive(parts, async |driver| {
+    let exit = drive_target(&target, seed, async |driver| {
         let round = match &simulator {
             Some(handle) => measure_in_simulator(driver, handle).await?,
             None => measure_with_person(driver, args.json).await?,
         };
         measured = Some(round.calibration()?);
         Ok(Exit::Done)
-    });
-    let exit = block_on(measuring)??;
+    })?;
     match measured {
         Some(calibration) => conclude(args.json, calibration).map(|()| Exit::Done),
         None => Ok(exit),

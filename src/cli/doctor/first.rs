@@ -15,8 +15,9 @@ use tokio::time::{Instant, sleep};
 use self::moving::LinkCut;
 use super::DoctorArgs;
 use super::network::{execution, per_second};
+use crate::agent::PilotPlan;
 use crate::cli::calibrate::answer;
-use crate::cli::driver::{Driver, DriverParts, drive};
+use crate::cli::driver::{Driver, drive};
 use crate::cli::interrupt::interruption;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
@@ -133,7 +134,7 @@ impl Walk {
 pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let seed = rand::random();
     let robot = args.connection.resolve(settings, seed)?;
-    let parts = robot.driver_parts(seed)?;
+    let (_core, plan) = robot.driver_plan(seed)?;
     let mut walk = Walk {
         person: Person { yes: args.yes },
         camera: robot.config.camera,
@@ -146,7 +147,7 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     if robot.sim.is_none() {
         walk.lines.push(format!("robot: {}", robot.address));
     }
-    let exit = block_on(find_out(&mut walk, parts))?;
+    let exit = block_on(find_out(&mut walk, plan))?;
     print(&walk.summary())?;
     let exit = exit?;
     if exit == Exit::Done {
@@ -155,8 +156,8 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     Ok(exit)
 }
 
-async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> {
-    let (mut connector, cut) = LinkCut::new(parts.connector);
+async fn find_out(walk: &mut Walk, plan: PilotPlan) -> Result<Exit, Failure> {
+    let (mut connector, cut) = LinkCut::new(plan.connector);
     let interrupted = interruption()?;
     print(INTRODUCTION)?;
     let standing = tokio::select! {
@@ -168,14 +169,14 @@ async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> 
     let settings = Settings {
         // It may take a moment until the robot notices that the first connection has ended.
         waits: true,
-        ..moving::as_reported(parts.settings)
+        ..moving::as_reported(plan.settings)
     };
-    let parts = DriverParts {
+    let plan = PilotPlan {
         connector,
         settings,
-        ..parts
+        ..plan
     };
-    drive(parts, async |driver| move_about(walk, driver, &cut).await).await
+    drive(plan, async |driver| move_about(walk, driver, &cut).await).await
 }
 
 /// The steps without the tracks, over a plain link.

@@ -15,9 +15,9 @@ pub(super) use snapshot::{video, with_picture};
 
 use clap::Subcommand;
 
-use super::driver::{Driver, drive};
+use super::driver::{Driver, drive_target};
 use super::settings::CommandSettings;
-use super::{ConnectionArgs, Console, Exit, Failure, block_on};
+use super::{ConnectionArgs, Console, Exit, Failure};
 
 #[derive(Debug, Clone, Subcommand)]
 pub(super) enum RobotCommand {
@@ -79,7 +79,7 @@ pub(super) fn run(
     }
 }
 
-/// Drives the robot that the flags or the config name: see [`drive`].
+/// Drives the robot that the flags or the config name: see [`drive_target`].
 fn drive_robot(
     connection: &ConnectionArgs,
     settings: &CommandSettings,
@@ -87,5 +87,5 @@ fn drive_robot(
 ) -> Result<Exit, Failure> {
     let seed = rand::random();
     let target = connection.resolve(settings, seed)?;
-    block_on(drive(target.driver_parts(seed)?, job))?
+    drive_target(&target, seed, job)
 }
