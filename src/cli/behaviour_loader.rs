@@ -189,11 +189,8 @@ fn unique(name: String, names: &mut Vec<String>) -> String {
 /// Reads a script; the error has help for the user.
 pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
     behaviour::read_source(path).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
+        Failure::unreadable_file("the behaviour", path, error)
+            .help("ready-made behaviours are in behaviours/")
     })
 }
 

@@ -187,10 +187,7 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     let password = secret::from_optional_file(file, settings.found_file())?;
     let certificates = |path: &PathBuf| {
         files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
-            Failure::usage(format_args!(
-                "cannot read the certificates {} (mqtt.ca_file): {error}",
-                path.display()
-            ))
+            Failure::unreadable_file("the certificates (mqtt.ca_file)", path, error)
         })
     };
     let ca = options.ca_file.as_ref().map(certificates).transpose()?;

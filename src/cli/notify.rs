@@ -70,12 +70,8 @@ pub(super) fn run(args: &TestArgs, settings: &CommandSettings) -> Result<Exit, F
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
-    path.canonicalize().map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the picture {}: {error}",
-            path.display()
-        ))
-    })
+    path.canonicalize()
+        .map_err(|error| Failure::unreadable_file("the picture", path, error))
 }
 
 fn chosen<'a>(

@@ -62,7 +62,8 @@ struct Finding {
 
 /// What is known so far, and what the steps need of it.
 struct Walk {
-    person: Person,
+    /// Nobody is beside the robot, and every motion is allowed.
+    yes: bool,
     camera: Camera,
     /// At this level it may not leave its station.
     low: Percent,
@@ -73,12 +74,7 @@ struct Walk {
     watchdog: Vec<&'static str>,
 }
 
-/// The person beside the robot; or nobody, and every motion is allowed.
-struct Person {
-    yes: bool,
-}
-
-impl Person {
+impl Walk {
     /// Whether a motion may begin.
     async fn agrees(&self, question: &str) -> Result<bool, Failure> {
         let question = format!("{question} Enter: yes, s: skip it");
@@ -95,9 +91,6 @@ impl Person {
         let help = "with --yes nobody is asked before a motion";
         answer().await.map_err(|failure| failure.help(help))
     }
-}
-
-impl Walk {
     fn measured(&mut self, what: &'static str, found: &str) -> Result<(), Failure> {
         self.note("measured", what, found)
     }
@@ -136,7 +129,7 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     let robot = args.connection.resolve(settings, seed)?;
     let (_core, plan) = robot.driver_plan(seed)?;
     let mut walk = Walk {
-        person: Person { yes: args.yes },
+        yes: args.yes,
         camera: robot.config.camera,
         low: robot.config.watchdog.low,
         is_docked: true,
@@ -210,7 +203,7 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
          searches.\n",
     )?;
     let asks = "Could it fall where it drives, from stairs or an edge (y/n)? Enter: not known";
-    match walk.person.types(asks).await?.as_str() {
+    match walk.types(asks).await?.as_str() {
         "y" => {
             walk.watchdog.extend(["blind_moves: false", "rescue: off"]);
             walk.asked(
@@ -313,7 +306,7 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
         Some(_) => "Is the way free?",
         None => "Its level is not known. Has it charged for an hour, and is the way free?",
     };
-    if !walk.person.agrees(asks).await? {
+    if !walk.agrees(asks).await? {
         return walk.unknown(WHAT, "skipped");
     }
     let Some(views) = watch_leaving(walk.camera, session).await? else {
@@ -322,7 +315,7 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
     walk.is_docked = false;
     let seen = drove_forwards(&views.iter().collect::<Vec<_>>());
     let asks = "Did it leave forwards (f) or backwards (b)? Enter: as its pictures say";
-    match (walk.person.types(asks).await?.as_str(), seen) {
+    match (walk.types(asks).await?.as_str(), seen) {
         ("f", _) => walk.asked(WHAT, "forwards"),
         ("b", _) => walk.asked(WHAT, "backwards"),
         (_, Some(true)) => walk.measured(WHAT, "forwards"),

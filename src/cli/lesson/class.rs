@@ -12,21 +12,13 @@ const MAX_LEARNERS: usize = 2000;
 
 const NOTHING: &str = "nothing handed in";
 
-#[derive(Debug, PartialEq)]
-pub(super) struct Learner {
-    pub(super) name: String,
-    /// The script, or why there is none.
-    pub(super) script: Result<PathBuf, String>,
-}
+/// Each learner's script, or why there is none, by name.
+pub(super) type Scripts = BTreeMap<String, Result<PathBuf, String>>;
 
 /// All learners, sorted by name: those in the folder, and those on the list who are not in it.
-pub(super) fn learners(
-    folder: &Path,
-    lesson: &Lesson,
-    list: &[String],
-) -> io::Result<Vec<Learner>> {
+pub(super) fn learners(folder: &Path, lesson: &Lesson, list: &[String]) -> io::Result<Scripts> {
     let nothing = |name: &String| (name.clone(), Err(NOTHING.to_owned()));
-    let mut found: BTreeMap<String, Result<PathBuf, String>> = list.iter().map(nothing).collect();
+    let mut found: Scripts = list.iter().map(nothing).collect();
     for path in entries(folder)? {
         let (name, script) = if path.is_dir() {
             let script = match unlinked(path.clone()) {
@@ -45,8 +37,7 @@ pub(super) fn learners(
         let words = format!("it has more than {MAX_LEARNERS} learners");
         return Err(io::Error::other(words));
     }
-    let learner = |(name, script)| Learner { name, script };
-    Ok(found.into_iter().map(learner).collect())
+    Ok(found)
 }
 
 /// The entries of a folder, sorted by name, without hidden ones.
@@ -189,12 +180,12 @@ mod tests {
         let found = learners(class.path(), lesson, &list).unwrap();
         let shown: Vec<String> = found
             .iter()
-            .map(|one| match &one.script {
+            .map(|(name, script)| match script {
                 Ok(path) => {
                     let path = path.strip_prefix(class.path()).unwrap();
-                    format!("{}: {}", one.name, path.display())
+                    format!("{name}: {}", path.display())
                 }
-                Err(why) => format!("{}: {why}", one.name),
+                Err(why) => format!("{name}: {why}"),
             })
             .collect();
         assert_eq!(

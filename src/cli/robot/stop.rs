@@ -325,32 +325,20 @@ async fn try_stop(
     ))
 }
 
-/// Release STOP, so that the robot may move again
-///
-/// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
-/// person releases it, also in later programs of the same data folder. This releases it in all runs
-/// and services of the data folder, or only in the one that uses the robot of --robot; with --url
-/// in the service there; without any, what an earlier program has left behind in the data folder.
-#[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee robot reset-stop")]
-pub(in crate::cli) struct ResetStopArgs {
-    #[command(flatten)]
-    target: SharedTargetArgs,
-}
-
+/// Releases STOP in all runs and services that are meant, or else in the data folder.
 pub(super) fn reset_stop(
-    args: &ResetStopArgs,
+    target: &SharedTargetArgs,
     settings: &CommandSettings,
 ) -> Result<Exit, Failure> {
-    if args.target.connection.sim.is_some() {
+    if target.connection.sim.is_some() {
         return Err(Failure::usage(
             "--sim starts a new simulated robot, which nobody has stopped",
         ));
     }
     let config = settings.config()?;
-    let runs = match args.target.find_service(settings)? {
+    let runs = match target.find_service(settings)? {
         Some(service) => vec![service],
-        None => runs(config.data_folder(), &args.target.connection)?,
+        None => runs(config.data_folder(), &target.connection)?,
     };
     for run in &runs {
         order(run, &RunRequest::ResetStop, REPLY_TIMEOUT)?;

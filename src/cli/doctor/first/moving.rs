@@ -191,7 +191,7 @@ async fn least_power(
         "\n5  It turns on the spot, left and right in turn, with rising power, until it is seen to \
          move.\n",
     )?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         walk.unknown(WHAT, "skipped")?;
         return Ok(None);
     }
@@ -236,7 +236,7 @@ async fn ask_least_power(
     why: &str,
 ) -> Result<Option<u8>, Failure> {
     let asks = format!("{why}. At which percentage did it begin to move? Enter: it did not");
-    let told = walk.person.types(&asks).await?;
+    let told = walk.types(&asks).await?;
     let told = told.trim_end_matches('%').trim().parse().ok();
     let told = told.filter(|percent| POWERS.contains(percent));
     match told {
@@ -250,7 +250,7 @@ async fn ask_least_power(
 async fn sag(walk: &mut Walk, driver: &mut Driver) -> Result<(), Failure> {
     const WHAT: &str = "POWER is";
     print("\n6  It turns left and right on the spot, to see whether POWER falls meanwhile.\n")?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         return walk.unknown(WHAT, "skipped");
     }
     let level = |driver: &Driver| driver.status().battery.and_then(|battery| battery.percent);
@@ -294,7 +294,7 @@ async fn disconnect(
         "\n7  It turns on the spot at {power} % for two seconds; in the second one the connection is \
          cut. Then it turns back.\n"
     ))?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         return walk.unknown(WHAT, "skipped");
     }
     let (drove, apart) = match turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
@@ -311,7 +311,7 @@ async fn disconnect(
         return walk.measured(WHAT, &found);
     }
     let asks = "Did it stop when the connection was cut (s), or drive on for a second (d)? Enter: not seen";
-    match walk.person.types(asks).await?.as_str() {
+    match walk.types(asks).await?.as_str() {
         "s" => walk.asked(WHAT, "it stops by itself"),
         "d" => walk.asked(WHAT, "it drives on"),
         _ => walk.unknown(WHAT, "its pictures do not tell; count on its driving on"),

@@ -117,7 +117,7 @@ async fn describe(simulation: &Simulation) -> Description {
         });
     });
     let mut walk = Walk {
-        person: Person { yes: true },
+        yes: true,
         camera: Camera::default(),
         low: plan.settings.limits.low,
         is_docked: true,
