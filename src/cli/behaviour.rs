@@ -105,15 +105,14 @@ fn list(json: bool, only_names: bool, run: &Client) -> Result<Exit, Failure> {
         return Err(unexpected_reply());
     };
     if json {
-        print_json(&behaviours)?;
+        print_json(&behaviours)
     } else if only_names {
         let names = behaviours.iter().map(|one| one.name.as_str());
         let plain = names.filter(|name| is_plain(name));
-        print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
+        print(&plain.map(|name| format!("{name}\n")).collect::<String>())
     } else {
-        print(&aligned(HEAD, behaviours.iter().map(row)))?;
+        print(&aligned(HEAD, behaviours.iter().map(row)))
     }
-    Ok(Exit::Done)
 }
 
 impl WhichArgs {

@@ -52,10 +52,7 @@ pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, F
         Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path())),
         Action::Schedule(args) => schedule(args, settings),
         Action::TestNotify(args) => notify::run(args, settings),
-        Action::Schema => {
-            print(&format!("{:#}\n", config::schema()))?;
-            Ok(Exit::Done)
-        }
+        Action::Schema => print(&format!("{:#}\n", config::schema())),
     }
 }
 
@@ -74,8 +71,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
         let what = format!("{}: {what}", file.display());
         return Err(Failure::new(Exit::Check, what).help(known));
     }
-    print(&format!("{}: valid\n", file.display()))?;
-    Ok(Exit::Done)
+    print(&format!("{}: valid\n", file.display()))
 }
 
 fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -87,8 +83,7 @@ fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Fa
             .iter()
             .map(|setting| line(setting, origin))
             .collect()
-    })?;
-    Ok(Exit::Done)
+    })
 }
 
 fn line(setting: &Setting, origin: bool) -> String {
@@ -150,8 +145,7 @@ fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Fai
     }
     let rows = starts.iter().map(|one| row(one, &table.zone));
     print(&aligned("WHEN|BEHAVIOUR|UNTIL|", rows))?;
-    print(&format!("times in {}\n", table.zone))?;
-    Ok(Exit::Done)
+    print(&format!("times in {}\n", table.zone))
 }
 
 fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {

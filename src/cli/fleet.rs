@@ -91,13 +91,12 @@ fn unreachable(error: String) -> Failure {
 fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
     let found: Vec<&Found> = fleet.found().collect();
     if as_json {
-        print_json(&found)?;
+        print_json(&found)
     } else if found.is_empty() {
-        print("no robot has ever connected to this broker\n")?;
+        print("no robot has ever connected to this broker\n")
     } else {
-        print(&aligned(HEAD, found.into_iter().map(row)))?;
+        print(&aligned(HEAD, found.into_iter().map(row)))
     }
-    Ok(Exit::Done)
 }
 
 /// A table row. Shows the state only of online robots: the last state of others may be out of date.

@@ -184,13 +184,12 @@ fn list(
     }
     let view = view(args.topic, &records, zone);
     if args.csv {
-        print(&view.csv())?;
+        print(&view.csv())
     } else if view.is_empty() {
-        print("the journal has no such entries\n")?;
+        print("the journal has no such entries\n")
     } else {
-        print(&view.table())?;
+        print(&view.table())
     }
-    Ok(Exit::Done)
 }
 
 fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {

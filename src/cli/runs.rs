@@ -49,14 +49,13 @@ pub(super) fn run(args: &StatusArgs, settings: &CommandSettings) -> Result<Exit,
     }
     let runs: Vec<RunStatus> = runs.into_iter().map(|run| run.status).collect();
     if args.json {
-        print_json(&runs)?;
+        print_json(&runs)
     } else if runs.is_empty() {
-        print(&format!("no run is active in {}\n", data.display()))?;
+        print(&format!("no run is active in {}\n", data.display()))
     } else {
         let zone = config.zone();
-        print(&aligned(HEAD, runs.iter().map(|run| row(run, &zone))))?;
+        print(&aligned(HEAD, runs.iter().map(|run| row(run, &zone))))
     }
-    Ok(Exit::Done)
 }
 
 fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {

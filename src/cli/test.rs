@@ -98,7 +98,7 @@ pub(super) fn run(
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
     let mut report = Report::new(&test_files, &jobs, pictures);
-    let mut trouble = Ok(());
+    let mut trouble = Ok(Exit::Done);
     let completed = pool.run(&jobs, console, |done: JobResult| {
         report.take(done);
         if live && trouble.is_ok() {
@@ -114,7 +114,7 @@ pub(super) fn run(
     })
 }
 
-fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<(), Failure> {
+fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<Exit, Failure> {
     if let Some(path) = &args.junit {
         let written = std::fs::write(path, report::junit(report)?);
         written.map_err(|error| Failure::unwritable(path, error))?;
@@ -199,6 +199,5 @@ fn list(test_files: &[TestFile], jobs: &[Job<'_>]) -> Result<Exit, Failure> {
             let _ = writeln!(text, "{}: {}", sanitize::line(&file), sanitize::line(name));
         }
     }
-    print(&text)?;
-    Ok(Exit::Done)
+    print(&text)
 }

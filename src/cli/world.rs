@@ -58,25 +58,23 @@ fn show(world: Option<&Path>, output: &Path) -> Result<Exit, Failure> {
         "The map of {} is in {}.\n",
         world.name,
         output.display()
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
     let built_in = World::builtin_names().next().unwrap_or_default();
     let name = world.map_or(built_in.into(), Path::to_string_lossy);
     match (World::builtin_yaml(&name), world) {
-        (Some(yaml), _) => print(yaml)?,
+        (Some(yaml), _) => print(yaml),
         (None, Some(path)) => {
             // Refuses to print files that are not worlds.
             World::load(path).map_err(Failure::usage)?;
             let text =
                 std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
-            print(&text)?;
+            print(&text)
         }
-        (None, None) => {}
+        (None, None) => Ok(Exit::Done),
     }
-    Ok(Exit::Done)
 }
 
 /// Loads the world from a file, the built-in one of that name, or the default one.
@@ -109,15 +107,14 @@ fn list() -> Result<Exit, Failure> {
         let about = World::builtin_description(name).unwrap_or_default();
         print(&format!("{name}\n    {about}\n"))?;
     }
-    print("Use one with: spykee run FILE.lua --sim NAME\n")?;
-    Ok(Exit::Done)
+    print("Use one with: spykee run FILE.lua --sim NAME\n")
 }
 
 fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     let mut wrong = Vec::new();
     for path in worlds {
         match World::load(path) {
-            Ok(world) => print(&format!("{}: valid, {}\n", path.display(), world.name))?,
+            Ok(world) => _ = print(&format!("{}: valid, {}\n", path.display(), world.name))?,
             Err(error) => wrong.push(error.to_string()),
         }
     }

@@ -72,11 +72,10 @@ fn measure(args: &CameraArgs, camera: Camera, jpeg: &[u8]) -> Result<Exit, Failu
         Failure::new(Exit::Failed, what).help(help(error))
     })?;
     if args.json {
-        print_json(&as_json(&found))?;
+        print_json(&as_json(&found))
     } else {
-        print(&as_text(&found, camera))?;
+        print(&as_text(&found, camera))
     }
-    Ok(Exit::Done)
 }
 
 fn help(error: SheetError) -> &'static str {

@@ -97,7 +97,7 @@ pub(super) fn run(args: &CalibrateArgs, settings: &CommandSettings) -> Result<Ex
         Ok(Exit::Done)
     })?;
     match measured {
-        Some(calibration) => conclude(args.json, calibration).map(|()| Exit::Done),
+        Some(calibration) => conclude(args.json, calibration),
         None => Ok(exit),
     }
 }
@@ -136,7 +136,7 @@ pub(super) async fn drive_once(
     Err(Failure::new(exit, what).help(help))
 }
 
-fn conclude(json: bool, calibration: Calibration) -> Result<(), Failure> {
+fn conclude(json: bool, calibration: Calibration) -> Result<Exit, Failure> {
     let Calibration {
         track_width,
         full_speed,
@@ -238,7 +238,7 @@ async fn ask(
 /// Prints to the person: on stdout, or on stderr if stdout is for JSON.
 fn say(json: bool, text: &str) -> Result<(), Failure> {
     if !json {
-        return print(text);
+        return print(text).map(drop);
     }
     let mut err = std::io::stderr().lock();
     err.write_all(sanitize::text(text, false).as_bytes())

@@ -362,7 +362,7 @@ async fn watch_leaving(
 }
 
 /// Writes the config, or prints its lines if there is one.
-fn conclude(walk: &Walk, path: &Path) -> Result<(), Failure> {
+fn conclude(walk: &Walk, path: &Path) -> Result<Exit, Failure> {
     let mut lines = walk.lines.clone();
     if !walk.watchdog.is_empty() {
         lines.push(format!("watchdog: {{ {} }}", walk.watchdog.join(", ")));

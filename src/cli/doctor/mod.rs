@@ -109,7 +109,7 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     let mut report = DoctorReport {
         json: args.json,
         results: Vec::new(),
-        printed: Ok(()),
+        printed: Ok(Exit::Done),
     };
     let checked = check_config(settings, &mut report);
     for result in [
@@ -149,7 +149,7 @@ fn check_config(settings: &CommandSettings, report: &mut DoctorReport) -> Effect
 struct DoctorReport {
     json: bool,
     results: Vec<CheckResult>,
-    printed: Result<(), Failure>,
+    printed: Result<Exit, Failure>,
 }
 
 impl DoctorReport {

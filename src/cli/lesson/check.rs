@@ -163,7 +163,7 @@ fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
     }
 }
 
-fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
+fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<Exit, Failure> {
     if let Some(path) = &args.gradescope {
         let text = format!("{:#}\n", gradescope(feedback));
         std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;

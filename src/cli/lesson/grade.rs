@@ -90,8 +90,7 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         class.csv()
     } else {
         class.text()
-    })?;
-    Ok(Exit::Done)
+    })
 }
 
 fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {

@@ -67,7 +67,7 @@ fn show_info(
             "uid": robot.uid, "name": robot.name, "third_name": third_name,
             "firmware": robot.firmware, "address": robot.address, "docked": docked,
             "battery": percent, "charging": charging, "simulated": robot.simulated,
-        }))?;
+        }))
     } else {
         let third = third_name.map_or_else(String::new, |name| {
             format!("third name  {name} (meaning unknown)\n")
@@ -81,9 +81,8 @@ fn show_info(
             robot.address,
             battery.map_or_else(|| "-".to_owned(), describe),
             if docked { "yes" } else { "no" },
-        ))?;
+        ))
     }
-    Ok(Exit::Done)
 }
 
 pub(super) fn battery(args: &ReportArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -101,11 +100,10 @@ fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
         print_json(&json!({
             "percent": battery.percent, "charging": battery.charging,
             "minutes_left": battery.minutes_left,
-        }))?;
+        }))
     } else {
-        print(&format!("{}\n", describe(battery)))?;
+        print(&format!("{}\n", describe(battery)))
     }
-    Ok(Exit::Done)
 }
 
 fn never_connected() -> Failure {
@@ -124,10 +122,13 @@ pub(super) fn log(args: &LogArgs, settings: &CommandSettings) -> Result<Exit, Fa
         let text = text.trim_end_matches(['\0', '\r', '\n']);
         if args.json {
             let lines: Vec<&str> = text.lines().collect();
-            print_json(&json!({ "lines": lines }))?;
-        } else if !text.is_empty() {
-            print(&format!("{text}\n"))?;
+            return print_json(&json!({ "lines": lines }));
         }
-        Ok(Exit::Done)
+        print(
+            &text
+                .lines()
+                .map(|line| format!("{line}\n"))
+                .collect::<String>(),
+        )
     })
 }

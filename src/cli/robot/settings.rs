@@ -44,11 +44,10 @@ pub(super) fn config(args: &SettingArgs, used: &CommandSettings) -> Result<Exit,
     with_exclusive_session(&args.connection, used, async |session| {
         let settings = change(session, args, &wanted, |_| true).await?;
         if args.json {
-            print_json(&object(&settings))?
+            print_json(&object(&settings))
         } else {
-            print(&table(&settings))?
+            print(&table(&settings))
         }
-        Ok(Exit::Done)
     })
 }
 
@@ -69,12 +68,11 @@ pub(super) fn wifi(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, F
         let text = session
             .text(Command::NetworksQuery, "networks", pick)
             .await?;
-        show_networks(&parse_networks(&text), &own, args.json)?;
-        Ok(Exit::Done)
+        show_networks(&parse_networks(&text), &own, args.json)
     })
 }
 
-fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<(), Failure> {
+fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<Exit, Failure> {
     if json {
         let network = |network: &Network| {
             json!({

@@ -269,8 +269,7 @@ fn stop_service(service: &Client) -> Result<Exit, Failure> {
     print(&format!(
         "stopped: {words}; the robot does not move until it is released, at the page or with `spykee \
          robot reset-stop`\n"
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 /// Retries until a stop is acknowledged or the time is up. Returns the outcome of the last try that
@@ -345,7 +344,7 @@ pub(super) fn reset_stop(
         print("released: the robot may move again\n")?;
     }
     if runs.is_empty() {
-        reset_in_folder(config)?;
+        return reset_in_folder(config);
     }
     Ok(Exit::Done)
 }
@@ -363,7 +362,7 @@ fn runs(data: &Path, connection: &ConnectionArgs) -> Result<Vec<Client>, Failure
 }
 
 /// Releases what an earlier program has left behind.
-fn reset_in_folder(config: &Config) -> Result<(), Failure> {
+fn reset_in_folder(config: &Config) -> Result<Exit, Failure> {
     let data = config.data_folder();
     match EmergencyStop::remove(data) {
         Ok(true) => {
