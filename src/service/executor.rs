@@ -313,7 +313,7 @@ impl Executor {
 
     fn handle_result(&mut self, result: OrderResult) {
         match result {
-            OrderResult::Started(run, started) => {
+            OrderResult::Changed(Change::Start, run, started) => {
                 let offline = started == Err(RosterError::Offline);
                 if offline && self.waiting.contains(&run) {
                     return;
@@ -330,7 +330,7 @@ impl Executor {
                     }
                 }
             }
-            OrderResult::Changed(run, changed) => {
+            OrderResult::Changed(_, run, changed) => {
                 match changed {
                     Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
                     Err(why) => error!(behaviour = run, "{why}"),
@@ -421,9 +421,8 @@ const LOWEST: Priority = Priority(i16::MIN);
 
 #[derive(Debug)]
 pub(super) enum OrderResult {
-    Started(String, Result<(), RosterError>),
-    /// A stop or a restart.
-    Changed(String, Result<(), RosterError>),
+    /// A behaviour was started, stopped or restarted.
+    Changed(Change, String, Result<(), RosterError>),
     /// An idle robot was sent home.
     Home(Result<DockOutcome, PilotClientError>),
 }
@@ -463,11 +462,7 @@ impl Orders {
                 Change::Stop => roster.stop(&run).await,
                 Change::Restart => roster.restart(&run).await,
             };
-            if order == Change::Start {
-                OrderResult::Started(run, done)
-            } else {
-                OrderResult::Changed(run, done)
-            }
+            OrderResult::Changed(order, run, done)
         });
     }
 
@@ -482,7 +477,7 @@ impl Orders {
         loop {
             // An aborted order has no result.
             if let Ok(result) = self.tasks.join_next().await? {
-                if let OrderResult::Started(run, _) | OrderResult::Changed(run, _) = &result {
+                if let OrderResult::Changed(_, run, _) = &result {
                     self.names.remove(run);
                 }
                 return Some(result);

@@ -129,13 +129,53 @@ impl Simulation {
     /// Agents may run one after another; each finds the robot in the state in which the previous
     /// one left it.
     pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
-        Running::start(self.sim.clone(), &self.options, behaviours, limit)
+        let plan = Plan {
+            limit,
+            stays: self.options.sim_clock.is_some(),
+            ..self.plan(behaviours)
+        };
+        let stop = self.options.stop.child_token();
+        let (agent, status) = Agent::new(plan);
+        Running {
+            status,
+            requests: agent.requests(),
+            agent: tokio::task::spawn_local(agent.run(stop.clone())),
+            stop,
+        }
     }
 
     /// Returns the plan of an agent for this simulation's robot, for callers that create the agent
     /// themselves, such as a service. Run that agent within the simulation.
-    pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
-        plan(self.sim.clone(), &self.options, behaviours)
+    ///
+    /// A simulated robot's camera is known: its world's counts, not the config's.
+    pub fn plan(&self, mut behaviours: Vec<Behaviour>) -> Plan {
+        let options = &self.options;
+        let camera = self.sim.world().camera.calibrated();
+        for behaviour in &mut behaviours {
+            behaviour.launch.options.camera = camera;
+        }
+        Plan {
+            behaviours,
+            specs: Vec::new(),
+            stays: false,
+            limit: None,
+            pilot: PilotPlan {
+                settings: Settings {
+                    limits: options.limits.clone(),
+                    simulated: true,
+                    seed: options.seed,
+                    link: link::Options::default(),
+                    waits: false,
+                    streams: options.streams,
+                },
+                connector: connector(self.sim.clone(), options.sim.login.clone()),
+                launcher: Launcher::in_this_thread(),
+                core: runtime::Handle::current(),
+                heartbeat: None,
+                rescue: rescue(options, camera),
+                bus: options.bus.clone(),
+            },
+        }
     }
 
     fn record_end(&self) {
@@ -164,37 +204,9 @@ pub struct Running {
 }
 
 impl Running {
-    fn start(
-        sim: Handle,
-        options: &Options,
-        behaviours: Vec<Behaviour>,
-        limit: Option<Duration>,
-    ) -> Running {
-        let plan = Plan {
-            limit,
-            stays: options.sim_clock.is_some(),
-            ..plan(sim, options, behaviours)
-        };
-        let stop = options.stop.child_token();
-        let (agent, status) = Agent::new(plan);
-        let requests = agent.requests();
-        let agent = tokio::task::spawn_local(agent.run(stop.clone()));
-        Running {
-            stop,
-            status,
-            requests,
-            agent,
-        }
-    }
-
     /// Requests an orderly end: scripts run their last words, then the link is closed.
     pub fn stop(&self) {
         self.stop.cancel();
-    }
-
-    /// Returns a token that has the same effect as [`Running::stop`] when cancelled.
-    pub fn stopper(&self) -> CancellationToken {
-        self.stop.clone()
     }
 
     /// Returns a receiver of the latest status of robot and watchdog, as shown on the status line.
@@ -209,6 +221,11 @@ impl Running {
     /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
     /// that end, this never returns.
     pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
+        self.ended().await
+    }
+
+    /// The same once, for callers that wait for other things too. Cancel-safe.
+    pub async fn ended(&mut self) -> Result<Outcome, AgentError> {
         match (&mut self.agent).await {
             Ok(outcome) => outcome,
             Err(_) => Err(AgentError::Broken("the agent")),
@@ -219,36 +236,6 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.agent.abort();
-    }
-}
-
-/// A simulated robot's camera is known: its world's counts, not the config's.
-fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour>) -> Plan {
-    let camera = sim.world().camera.calibrated();
-    for behaviour in &mut behaviours {
-        behaviour.launch.options.camera = camera;
-    }
-    Plan {
-        behaviours,
-        specs: Vec::new(),
-        stays: false,
-        limit: None,
-        pilot: PilotPlan {
-            settings: Settings {
-                limits: options.limits.clone(),
-                simulated: true,
-                seed: options.seed,
-                link: link::Options::default(),
-                waits: false,
-                streams: options.streams,
-            },
-            connector: connector(sim, options.sim.login.clone()),
-            launcher: Launcher::in_this_thread(),
-            core: runtime::Handle::current(),
-            heartbeat: None,
-            rescue: rescue(options, camera),
-            bus: options.bus.clone(),
-        },
     }
 }
 

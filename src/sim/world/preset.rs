@@ -50,6 +50,8 @@ fn add_missing(given: &mut Value, usual: Value) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::settings::{BatterySettings, CameraSettings, TrackSettings};
+    use super::super::station::DockingSettings;
     use super::*;
     use crate::sim::world::settings::PowerReading;
 
