@@ -50,7 +50,7 @@ pub struct Behaviour {
 
 impl Behaviour {
     /// The same, from its first text on.
-    fn again(&self) -> Behaviour {
+    pub fn again(&self) -> Behaviour {
         Behaviour {
             launch: self.launch.clone(),
             reloads: None,

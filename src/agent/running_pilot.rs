@@ -267,13 +267,7 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),
         Rescue::Builtin => (script::RESCUE.into(), Library::default()),
-        Rescue::File(path) => {
-            let folder = path.parent().unwrap_or(path);
-            (
-                crate::behaviour::read_source(path)?,
-                Library::new(folder.to_owned()),
-            )
-        }
+        Rescue::File(path) => (crate::behaviour::read_source(path)?, Library::beside(path)),
     };
     Ok(Some(Launch {
         source,

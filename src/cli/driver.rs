@@ -1,8 +1,6 @@
 //! Manual driving: the pilot and its watchdog as in a run, with this program in place of a
 //! behaviour. The same safety rules apply: low battery, station, dead link.
 
-use std::time::Duration;
-
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
@@ -14,10 +12,7 @@ use crate::agent::{
 };
 use crate::pilot::Status;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{
-    BehaviourId, DockEnd, DockOutcome, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
-};
-use crate::wire::Stream;
+use crate::robot::{BehaviourId, Pictures, Priority};
 
 const DRIVER_ID: BehaviourId = BehaviourId(0);
 
@@ -114,57 +109,22 @@ impl Driver {
         self.pilot.status()
     }
 
-    /// The camera's pictures, while [`Driver::show`] has them on.
+    /// The camera's pictures, while the robot sends them.
     pub(super) fn frames(&self) -> watch::Receiver<Pictures> {
         self.frames.clone()
-    }
-
-    pub(super) async fn show(&mut self, on: bool) -> Result<(), Failure> {
-        let stream = Stream::Video;
-        let asked = self
-            .pilot_client()?
-            .send_intent(Intent::Stream { stream, on });
-        let asked = asked.await;
-        self.answered(asked).await
     }
 
     pub(super) async fn connected(&mut self) -> Result<(), Failure> {
         self.pilot.connected().await.map_err(failed)
     }
 
-    /// Drives for this long and returns how the motion ended.
-    pub(super) async fn run(
+    /// Has the pilot carry out a request, and returns its answer.
+    pub(super) async fn ask<T>(
         &mut self,
-        setpoint: Setpoint,
-        duration: Duration,
-    ) -> Result<MotionEnd, Failure> {
-        let end = self.pilot_client()?.run(setpoint, duration).await;
-        self.answered(end).await
-    }
-
-    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<DockOutcome, Failure> {
-        let end = self.pilot_client()?.dock(plan).await;
-        self.answered(end).await
-    }
-
-    pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        let end = self.pilot_client()?.undock(timeout).await;
-        self.answered(end).await
-    }
-
-    /// Plays samples on the robot's speaker: s16 little-endian, mono, 16 kHz.
-    pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
-        let end = self.pilot_client()?.say(samples).await;
-        self.answered(end).await
-    }
-
-    fn pilot_client(&mut self) -> Result<&mut PilotClient, Failure> {
+        request: impl AsyncFnOnce(&mut PilotClient) -> Result<T, PilotClientError>,
+    ) -> Result<T, Failure> {
         let broken = || failed(AgentError::Broken("the pilot"));
-        self.client.as_mut().ok_or_else(broken)
-    }
-
-    async fn answered<T>(&mut self, answer: Result<T, PilotClientError>) -> Result<T, Failure> {
-        match answer {
+        match request(self.client.as_mut().ok_or_else(broken)?).await {
             Ok(answer) => Ok(answer),
             Err(error) => Err(self.refused(error).await),
         }

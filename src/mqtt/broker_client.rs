@@ -43,7 +43,7 @@ pub(super) struct BrokerClient {
     report: Report,
     /// The commands in progress: each in a separate task, a limited number at a time, dockings one after
     /// the other.
-    commands: JoinSet<FinishedCommand>,
+    commands: JoinSet<(BrokerCommand, RunResponse)>,
     /// The command that drives the robot.
     driving: Option<AbortHandle>,
     robot: Option<RobotInfo>,
@@ -342,7 +342,7 @@ impl BrokerClient {
                 Ok(request) => perform(&run, request).await,
                 Err(error) => RunResponse::Refused { error },
             };
-            FinishedCommand { command, response }
+            (command, response)
         });
         if drives && !full {
             self.driving = Some(task);
@@ -355,8 +355,8 @@ impl BrokerClient {
         }
     }
 
-    fn answer(&mut self, finished: FinishedCommand) {
-        let result = finished.result();
+    fn answer(&mut self, (command, response): (BrokerCommand, RunResponse)) {
+        let result = CommandResult::new(command, &response);
         if !result.done {
             let why = result.text.as_deref().unwrap_or_default();
             let command = &result.command.command;
@@ -368,7 +368,7 @@ impl BrokerClient {
         };
         let text = serde_json::to_vec(&result).unwrap_or_default();
         let mut sent = connection.publish(&self.topics.named("answer"), text);
-        if let RunResponse::Picture { jpeg } = finished.response {
+        if let RunResponse::Picture { jpeg } = response {
             sent = sent.and(connection.publish(&self.topics.named("picture"), jpeg));
         }
         if sent == Err(QueueFull) {
@@ -471,31 +471,10 @@ const MAX_TASKS: usize = 8;
 /// Maximum number of commands in progress including stops; another stop would change nothing.
 const MAX_STOPS: usize = 32;
 
-pub(super) struct FinishedCommand {
-    command: BrokerCommand,
-    response: RunResponse,
-}
-
-impl FinishedCommand {
-    fn result(&self) -> CommandResult {
-        let end = self.response.dock_end();
-        let end = end.map(|end| end.name().replace('_', " "));
-        let error = self.response.error();
-        let done = error.is_none();
-        let text = match &self.response {
-            RunResponse::Stopped { outcome, .. } => Some(outcome.to_string()),
-            _ => end.or(error),
-        };
-        CommandResult {
-            command: self.command.clone(),
-            done,
-            text,
-        }
-    }
-}
-
 /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
-async fn next_finished(commands: &mut JoinSet<FinishedCommand>) -> FinishedCommand {
+async fn next_finished(
+    commands: &mut JoinSet<(BrokerCommand, RunResponse)>,
+) -> (BrokerCommand, RunResponse) {
     loop {
         match commands.join_next().await {
             Some(Ok(finished)) => return finished,

@@ -122,7 +122,8 @@ pub(super) async fn drive_once(
     duration: Duration,
 ) -> Result<(), Failure> {
     ready(driver.status())?;
-    let end = driver.run(setpoint, duration).await?;
+    let drives = driver.ask(async |client| client.run(setpoint, duration).await);
+    let end = drives.await?;
     let (exit, help) = match end {
         MotionEnd::Done => return Ok(()),
         MotionEnd::Safety => (Exit::Safety, "charge the robot first"),
@@ -270,7 +271,9 @@ fn line() -> Result<String, Failure> {
 /// Drives back and forth, short and long, and turns each way: the robot ends where it began.
 async fn measure_in_simulator(driver: &mut Driver, sim: &Handle) -> Result<Measured, Failure> {
     if driver.status().safety == WatchdogState::Docked && !driver.status().low {
-        driver.undock(LEAVING).await?;
+        driver
+            .ask(async |client| client.undock(LEAVING).await)
+            .await?;
     }
     ready(driver.status())?;
     let mut speeds = Vec::new();

@@ -18,7 +18,7 @@ use super::network::{execution, per_second};
 use crate::agent::PilotPlan;
 use crate::cli::calibrate::answer;
 use crate::cli::driver::{Driver, drive};
-use crate::cli::interrupt::interruption;
+use crate::cli::interrupt::unless_interrupted;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
@@ -151,14 +151,11 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
 
 async fn find_out(walk: &mut Walk, plan: PilotPlan) -> Result<Exit, Failure> {
     let (mut connector, cut) = LinkCut::new(plan.connector);
-    let interrupted = interruption()?;
     print(INTRODUCTION)?;
-    let standing = tokio::select! {
-        biased;
-        () = interrupted => return Ok(Exit::Interrupted),
-        standing = stand(walk, &mut connector) => standing,
-    };
-    standing?;
+    match unless_interrupted(stand(walk, &mut connector)).await? {
+        Some(standing) => standing?,
+        None => return Ok(Exit::Interrupted),
+    }
     let settings = Settings {
         // It may take a moment until the robot notices that the first connection has ended.
         waits: true,

@@ -84,24 +84,30 @@ pub(super) fn with_exclusive_session(
 /// Every login begins with a stop, which may have ended the search for the station of a robot with
 /// a low battery.
 async fn send_home_if_low(session: &mut Session, config: &Config) -> Result<(), LinkError> {
-    let now = Instant::now();
-    let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
-    let docked = session.accepted.docked;
-    let power = session.power;
-    let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
+    let (watchdog, acts) = watchdog_after_login(session, config);
     let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
     session
         .writer
         .set_last_words(watchdog.last_words().commands());
     session.writer.write(&commands).await?;
     if watchdog.low().is_some() && !watchdog.docked() {
-        let level = Battery::reported(power).level();
+        let level = Battery::reported(session.power).level();
         tracing::warn!(
             "the battery is low ({level}): the robot was told to search for its station; \
              `spykee robot dock` waits until it is there"
         );
     }
     Ok(())
+}
+
+/// The watchdog at the beginning of this session, and what it wants done.
+pub(super) fn watchdog_after_login(session: &Session, config: &Config) -> (Watchdog, Vec<Act>) {
+    let now = Instant::now();
+    let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
+    let docked = session.accepted.docked;
+    let power = session.power;
+    let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
+    (watchdog, acts)
 }
 
 impl RobotSession {

@@ -7,6 +7,7 @@ use futures_util::future::join_all;
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
+use super::session::watchdog_after_login;
 use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{
@@ -25,7 +26,6 @@ use crate::journal::{Journal, JournalReader, RunInfo};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::{AgentEvent, Battery, Bus, StopConfirmation, StopKept};
-use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
 /// Pause between two tries.
@@ -309,12 +309,9 @@ async fn try_stop(
     };
     let commands = [Command::Engine(Engage::CancelDock), Command::STOP];
     session.writer.write(&commands).await?;
-    let mut watchdog = Watchdog::new(target.config.watchdog.clone(), Instant::now());
-    let docked = session.accepted.docked;
-    let power = session.power;
-    watchdog.handle(Fact::LinkUp { docked, power }, Instant::now());
+    let (watchdog, _) = watchdog_after_login(&session, &target.config);
     if watchdog.low().is_some() && !watchdog.docked() {
-        let level = Battery::reported(power).level();
+        let level = Battery::reported(session.power).level();
         tracing::warn!(
             "the battery is low ({level}): `spykee robot dock` sends the robot to its station"
         );

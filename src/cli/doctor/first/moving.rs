@@ -14,9 +14,10 @@ use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
 use crate::link::AcceptedLogin;
 use crate::pilot::{Connector, Settings};
-use crate::robot::{MotionEnd, Pictures};
+use crate::robot::{Intent, MotionEnd, Pictures};
 use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance};
+use crate::wire::Stream;
 
 /// Powers that are tried, percent.
 const POWERS: std::ops::RangeInclusive<u8> = 5..=47;
@@ -61,7 +62,7 @@ pub(super) async fn drive_about(
     cut: &LinkCut,
 ) -> Result<(), Failure> {
     ready(driver.status())?;
-    driver.show(true).await?;
+    show(driver, true).await?;
     let mut eyes = Eyes {
         frames: driver.frames(),
         decoder: Decoder::default(),
@@ -73,7 +74,13 @@ pub(super) async fn drive_about(
     let least = least_power(walk, driver, &mut eyes, sees).await?;
     sag(walk, driver).await?;
     disconnect(walk, driver, &mut eyes, cut, least).await?;
-    driver.show(false).await
+    show(driver, false).await
+}
+
+async fn show(driver: &mut Driver, on: bool) -> Result<(), Failure> {
+    let stream = Stream::Video;
+    let shown = driver.ask(async |client| client.send_intent(Intent::Stream { stream, on }).await);
+    shown.await
 }
 
 /// Levels as the robot reports them: whether they sag is to be seen.
@@ -330,7 +337,7 @@ async fn turn_and_cut(
     let start = eyes.settled().await;
     let began = Instant::now();
     let driving = async {
-        let motion = driver.run(turn(power), BEFORE_CUT + 2 * CUT);
+        let motion = driver.ask(async |client| client.run(turn(power), BEFORE_CUT + 2 * CUT).await);
         let cutting = async {
             sleep(BEFORE_CUT).await;
             cut.cut(CUT);
