@@ -17,7 +17,9 @@ use tokio_util::sync::CancellationToken;
 use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
-pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
+pub use self::roster::{
+    BehaviourSpec, BehaviourState, BehaviourStatus, Change, Roster, RosterError,
+};
 pub use self::running_pilot::{PilotPlan, PilotSetup, RESCUE_NAME, RunningPilot, rescue};
 use crate::behaviour::{Launch, RestartPolicy};
 use crate::clock::or_never;

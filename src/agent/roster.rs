@@ -6,6 +6,8 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 use tokio::time::{Instant, timeout};
 
@@ -161,16 +163,26 @@ impl RosterError {
     }
 }
 
+/// A change of a behaviour's state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// Start it.
+    Start,
+    /// Stop it.
+    Stop,
+    /// Stop it if it runs, and start it again from its file.
+    Restart,
+}
+
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 #[derive(Debug)]
 pub(super) enum RosterCommand {
-    /// Start the behaviour, and end it after this time if it still runs then.
-    Start(String, Option<Duration>, Reply),
-    Stop(String, Reply),
+    /// Change the state of this behaviour. One that is started is ended after this time.
+    Change(Change, String, Option<Duration>, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(Reply),
-    Restart(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
 }
@@ -214,16 +226,17 @@ impl Roster {
         }
     }
 
-    /// Starts a behaviour; returns when its script is loaded and begins. It is ended after it has run
-    /// for `time_limit`, unless it has ended before. A restart resets the time.
-    pub async fn start(&self, name: &str, time_limit: Option<Duration>) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Start(name.to_owned(), time_limit, reply))
-            .await
-    }
-
-    /// Ends a behaviour; returns when it has ended, after its last words. It is not restarted.
-    pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reply))
+    /// Changes a behaviour's state. Returns when its script is loaded and begins, or when it has
+    /// ended, after its last words; then it is not restarted, also if its new text cannot be loaded.
+    /// A started one is ended after it has run for `time_limit`; a restart resets the time.
+    pub async fn change(
+        &self,
+        change: Change,
+        name: &str,
+        time_limit: Option<Duration>,
+    ) -> Result<(), RosterError> {
+        let name = name.to_owned();
+        self.send_command(|reply| RosterCommand::Change(change, name, time_limit, reply))
             .await
     }
 
@@ -245,13 +258,6 @@ impl Roster {
             Ok(Err(_)) => Err(RosterError::Closed),
             Err(_) => Err(RosterError::Busy),
         }
-    }
-
-    /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
-    /// cannot be loaded, the behaviour stays ended.
-    pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Restart(name.to_owned(), reply))
-            .await
     }
 
     /// Replaces the known behaviours; running behaviours continue.
@@ -352,9 +358,7 @@ mod tests {
             tokio::spawn(async move {
                 while let Some(command) = commands.recv().await {
                     let text = format!("{command:?}");
-                    let (RosterCommand::Start(_, _, reply) | RosterCommand::Stop(_, reply)) =
-                        command
-                    else {
+                    let RosterCommand::Change(.., reply) = command else {
                         continue;
                     };
                     let _ = shown.send((text, reply));
@@ -375,9 +379,12 @@ mod tests {
                 let _ = reply.send(Ok(()));
             }
         };
+        let start = |roster: &Roster| {
+            let roster = roster.clone();
+            async move { roster.change(Change::Start, "go", None).await }
+        };
         let patient = roster.without_timeout();
-        let (hasty, patient, ()) =
-            tokio::join!(roster.start("go", None), patient.start("go", None), slow);
+        let (hasty, patient, ()) = tokio::join!(start(&roster), start(&patient), slow);
         assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));
     }
 }

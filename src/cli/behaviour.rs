@@ -8,8 +8,9 @@ use super::running::{RemoteArgs, ask, find_run_of_target, order, unexpected_repl
 use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, print, print_json};
+use crate::agent::Change;
 use crate::clock::{self, Span};
-use crate::control::{BehaviourListing, Change, Client, RunRequest, RunResponse};
+use crate::control::{BehaviourListing, Client, RunRequest, RunResponse};
 use crate::link::Target;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.

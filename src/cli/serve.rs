@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
 use tokio::sync::{mpsc, watch};
 
-use self::service_plan::{LoadedPlan, PlanLoader};
+use self::service_plan::PlanLoader;
 use super::assembly::{RunSetup, StartedRun, clock, exit_of};
 use super::connection::no_robot;
 use super::interrupt::listen;
@@ -19,7 +19,7 @@ use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::clock::{Date, Span};
 use crate::config::Config;
 use crate::live::RunDefinition;
-use crate::service::{ManagerNotifier, RecordFile, Service};
+use crate::service::{ManagerNotifier, RecordFile, Service, ServicePlan};
 use crate::sim;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
@@ -88,8 +88,8 @@ pub(super) fn run(
         camera: if simulated { Some(config.camera) } else { None },
         ..plan_loader(args, settings, &config, console)
     };
-    let loaded = loader.load(&config)?;
-    let (definition, shown) = watch::channel(loaded.definition.clone());
+    let (service_plan, definition) = loader.load(&config)?;
+    let (definition, shown) = watch::channel(definition);
     let setup = RunSetup {
         config: config.clone(),
         sim_options: sim::Options {
@@ -102,7 +102,7 @@ pub(super) fn run(
         waits: true,
         names: "serves".to_owned(),
         behaviours: Vec::new(),
-        specs: loaded.service_plan.specs.clone(),
+        specs: service_plan.specs.clone(),
         limit: args.limit.map(Span::get),
         page: if args.fast {
             None
@@ -114,7 +114,7 @@ pub(super) fn run(
         is_service: true,
     };
     setup.run(robot, settings.load()?, console, async move |started| {
-        serve(started, loader, loaded, definition, config).await
+        serve(started, loader, service_plan, definition, config).await
     })
 }
 
@@ -140,7 +140,7 @@ fn plan_loader(
 async fn serve(
     started: StartedRun,
     loader: PlanLoader,
-    loaded: LoadedPlan,
+    service_plan: ServicePlan,
     definition: watch::Sender<RunDefinition>,
     config: Config,
 ) -> Result<Exit, Failure> {
@@ -149,7 +149,7 @@ async fn serve(
         agent: started.agent,
         status: started.status,
         clock: loader.clock,
-        service_plan: loaded.service_plan.clone(),
+        service_plan,
         record: RecordFile::default(),
         notifier: ManagerNotifier::default(),
         bus: started.bus,
@@ -166,7 +166,7 @@ async fn serve(
         notifier: notifier.clone(),
         ..service
     };
-    let reloading = loader.reload_on_hangup(hangup, reload, definition, config, loaded);
+    let reloading = loader.reload_on_hangup(hangup, reload, definition, config);
     tokio::select! {
         outcome = service.run(started.stop) => exit_of(outcome, true),
         never = notifier.pass_on(started.beats) => match never {},

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Change, RunRequest, RunResponse};
+use crate::agent::Change;
+use crate::control::{RunRequest, RunResponse};
 use crate::wire::Sound;
 
 /// Maximum length of a command, in bytes.

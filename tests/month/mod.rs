@@ -377,6 +377,7 @@ fn service_plan(data: &Path, seed: u64) -> ServicePlan {
     };
     ServicePlan {
         specs: specs.collect(),
+        fingerprints: Default::default(),
         always: Vec::new(),
         table: Timetable {
             rules: vec![
