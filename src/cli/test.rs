@@ -70,6 +70,13 @@ struct TestFile {
     scenario_file: Result<ScenarioFile, ScenarioFileError>,
 }
 
+impl TestFile {
+    fn has(&self, job: &Job<'_>) -> bool {
+        let file = self.scenario_file.as_ref();
+        file.is_ok_and(|file| std::ptr::eq(file, job.file))
+    }
+}
+
 pub(super) fn run(
     args: &TestArgs,
     settings: &CommandSettings,
@@ -162,10 +169,7 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
         format!("{}: {}", file.display(), scenario.name).contains(text)
     };
     let mut jobs = Vec::new();
-    for (file_number, test_file) in test_files.iter().enumerate() {
-        let Ok(file) = &test_file.scenario_file else {
-            continue;
-        };
+    for file in test_files.iter().flat_map(|one| &one.scenario_file) {
         let scenarios = file.scenarios().iter();
         for scenario in scenarios.filter(|one| wanted(file.file(), one)) {
             let seeds = match (args.seed, args.seeds) {
@@ -174,7 +178,6 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
                 (None, None) => scenario.seeds(),
             };
             jobs.extend(seeds.map(|seed| Job {
-                file_number,
                 file,
                 scenario,
                 seed,
@@ -186,11 +189,11 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
 
 fn list(test_files: &[TestFile], jobs: &[Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
-    for (index, file) in test_files.iter().enumerate() {
+    for file in test_files {
         if let Err(error) = &file.scenario_file {
             return Err(Failure::new(Exit::Check, error));
         }
-        let own = jobs.iter().filter(|job| job.file_number == index);
+        let own = jobs.iter().filter(|job| file.has(job));
         let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
         names.dedup();
         for name in names {

@@ -106,7 +106,6 @@ pub(super) fn marks_of(
     let mut jobs = Vec::new();
     for scenario in scenario_file.scenarios() {
         jobs.extend(scenario.seeds().map(|seed| Job {
-            file_number: 0,
             file: &scenario_file,
             scenario,
             seed,

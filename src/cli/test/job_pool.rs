@@ -15,8 +15,6 @@ use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, Scen
 
 #[derive(Clone, Copy)]
 pub(in crate::cli) struct Job<'a> {
-    /// The file's number among those that the command was given.
-    pub(in crate::cli) file_number: usize,
     pub(in crate::cli) file: &'a ScenarioFile,
     pub(in crate::cli) scenario: &'a Scenario,
     pub(in crate::cli) seed: u64,
