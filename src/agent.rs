@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{PilotClient, PilotClientError};
-pub use self::repl_session::{ReplError, ReplSession};
+pub use self::repl_session::{ReplError, run_repl};
 pub use self::roster::{
     BehaviourSpec, BehaviourState, BehaviourStatus, Change, Roster, RosterError,
 };

@@ -179,8 +179,7 @@ fn list(
         tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
-        print_json(&records)?;
-        return Ok(Exit::Done);
+        return print_json(&records);
     }
     let view = view(args.topic, &records, zone);
     if args.csv {

@@ -17,7 +17,7 @@ use super::interrupt::{Terminal, handle_signals, listen};
 use super::settings::CommandSettings;
 use super::startup::{driving_core, guardian_files, refuse_if_stopped, runtime};
 use super::{ConnectionArgs, Console, Exit, Failure};
-use crate::agent::{AgentError, PilotSetup, ReplError, ReplSession};
+use crate::agent::{AgentError, PilotSetup, ReplError, run_repl};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
@@ -64,12 +64,10 @@ pub(super) fn run(
         stop_socket: None,
         ..guardian_files(config)
     };
-    let repl_session = ReplSession {
-        launch: launch(config, seed)?,
-        setup: PilotSetup::new(target.pilot_plan(&core, files, seed)?),
-    };
+    let launch = launch(config, seed)?;
+    let setup = PilotSetup::new(target.pilot_plan(&core, files, seed)?);
     let terminal = Terminal::current();
-    let session = run_session(repl_session, core.handle(), &terminal, console);
+    let session = run_session(launch, setup, core.handle(), &terminal, console);
     let outcome = runtime.block_on(session);
     drop(core);
     console.redirect(None);
@@ -94,7 +92,8 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
 }
 
 async fn run_session(
-    repl_session: ReplSession,
+    launch: Launch,
+    setup: PilotSetup,
     core: &Handle,
     terminal: &Terminal,
     console: &Console,
@@ -103,7 +102,7 @@ async fn run_session(
     let (message_sender, mut messages) = mpsc::channel(64);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
-    let requests = repl_session.setup.requests();
+    let requests = setup.requests();
     let mut interruption = if interactive {
         let original = Some(terminal.clone());
         handle_signals(core, requests, stop.clone(), &[libc::SIGINT], original)?;
@@ -123,7 +122,8 @@ async fn run_session(
         failed: false,
         terminal_due: None,
     };
-    let mut session = std::pin::pin!(repl_session.run(inbox, message_sender, stop.clone()));
+    let session = run_repl(launch, setup, inbox, message_sender, stop.clone());
+    let mut session = std::pin::pin!(session);
     loop {
         tokio::select! {
             biased;
