@@ -130,18 +130,16 @@ fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Fai
     let starts = predict_starts(&table, &names(config), now, usize::from(args.next));
     if args.json {
         let starts: Vec<Json> = starts.iter().map(|one| object(one, &table.zone)).collect();
-        print_json(&starts)?;
-        return Ok(Exit::Done);
+        return print_json(&starts);
     }
     if !clock::is_plausible(now) {
         tracing::warn!("this computer's clock is not set: a service waits until it is");
     }
     if starts.is_empty() {
-        print(&match settings.file() {
+        return print(&match settings.file() {
             Some(file) => format!("{} has no `schedule:`\n", file.display()),
             None => "no config named, no spykee.yaml here: there is no `schedule:`\n".to_owned(),
-        })?;
-        return Ok(Exit::Done);
+        });
     }
     let rows = starts.iter().map(|one| row(one, &table.zone));
     print(&aligned("WHEN|BEHAVIOUR|UNTIL|", rows))?;

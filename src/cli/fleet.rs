@@ -101,7 +101,7 @@ fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
 
 /// A table row. Shows the state only of online robots: the last state of others may be out of date.
 fn row(found: &Found) -> Vec<String> {
-    let mut row = vec![found.robot.clone(), found.presence.word().to_owned()];
+    let mut row = vec![found.robot.clone(), found.presence.name().to_owned()];
     if found.presence == Presence::Online {
         let text = |key: &str| found.state[key].as_str().unwrap_or("-").to_owned();
         let battery = found.state["battery"].as_u64();
@@ -136,7 +136,7 @@ async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Res
             None if presence == Presence::Online => {
                 Some(format!("no answer within {} s", REPLY_TIMEOUT.as_secs()))
             }
-            None => Some(format!("not asked, it is {}", presence.word())),
+            None => Some(format!("not asked, it is {}", presence.name())),
         };
         if problem.is_some() {
             exit = Exit::Check;

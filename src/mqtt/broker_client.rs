@@ -227,7 +227,7 @@ impl BrokerClient {
             (topics.named("state"), state.to_string()),
             (
                 topics.named("connection"),
-                Presence::Online.word().to_owned(),
+                Presence::Online.name().to_owned(),
             ),
         ] {
             let payload = payload.into_bytes();
@@ -398,7 +398,7 @@ impl BrokerClient {
         let _ = self.try_publish();
         let topic = self.topics.named("connection");
         if let Phase::Up(open, _) = self.phase
-            && open.retain(&topic, Presence::Offline.word().into()).is_ok()
+            && open.retain(&topic, Presence::Offline.name().into()).is_ok()
         {
             open.close(CLOSING).await;
         }

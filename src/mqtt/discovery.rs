@@ -26,7 +26,7 @@ pub(super) const EVENTS: [&str; 14] = [
 ];
 
 pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
-    let online = Presence::Online.word();
+    let online = Presence::Online.name();
     json!({
         "device": {
             "identifiers": [format!("spykee_{}", topics.id)],

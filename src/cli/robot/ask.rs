@@ -8,7 +8,7 @@ use crate::cli::runs::describe;
 use crate::cli::settings::CommandSettings;
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::robot::{Battery, RobotInfo};
-use crate::wire::{Command, Report, latin1};
+use crate::wire::{Command, latin1};
 
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct ReportArgs {
@@ -113,11 +113,7 @@ fn never_connected() -> Failure {
 
 pub(super) fn log(args: &LogArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     with_exclusive_session(&args.connection, settings, async |session| {
-        let pick = |report| match report {
-            Report::Log(text) => Some(text),
-            _ => None,
-        };
-        let text = session.text(Command::LogQuery, "its log", pick).await?;
+        let text = session.text(Command::LogQuery, "its log").await?;
         let text = latin1(&text);
         let text = text.trim_end_matches(['\0', '\r', '\n']);
         if args.json {

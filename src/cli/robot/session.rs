@@ -176,10 +176,15 @@ impl RobotSession {
         &mut self,
         ask: Command,
         what: &str,
-        pick: impl Fn(Report) -> Option<Bytes>,
     ) -> Result<Vec<Bytes>, Failure> {
-        self.send(&[ask]).await?;
-        let Some(first) = self.receive(REPLY_TIMEOUT, &pick).await? else {
+        self.send(std::slice::from_ref(&ask)).await?;
+        let pick = |report| match (&ask, report) {
+            (Command::ConfigQuery, Report::Config(text))
+            | (Command::LogQuery, Report::Log(text))
+            | (Command::NetworksQuery, Report::Networks(text)) => Some(text),
+            _ => None,
+        };
+        let Some(first) = self.receive(REPLY_TIMEOUT, pick).await? else {
             let seconds = REPLY_TIMEOUT.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
@@ -188,7 +193,7 @@ impl RobotSession {
         let mut length = first.len();
         let mut messages = vec![first];
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
-            let Some(more) = self.receive(QUIET, &pick).await? else {
+            let Some(more) = self.receive(QUIET, pick).await? else {
                 break;
             };
             length += more.len();
@@ -198,12 +203,7 @@ impl RobotSession {
     }
 
     /// Requests a text and joins its messages.
-    pub(super) async fn text(
-        &mut self,
-        ask: Command,
-        what: &str,
-        pick: impl Fn(Report) -> Option<Bytes>,
-    ) -> Result<Bytes, Failure> {
-        Ok(self.messages(ask, what, pick).await?.concat().into())
+    pub(super) async fn text(&mut self, ask: Command, what: &str) -> Result<Bytes, Failure> {
+        Ok(self.messages(ask, what).await?.concat().into())
     }
 }

@@ -14,7 +14,7 @@ use crate::cli::running::{
     REPLY_TIMEOUT, SharedTargetArgs, ask, order, unexpected_reply, uses_robot,
 };
 use crate::cli::settings::CommandSettings;
-use crate::cli::startup::JOURNAL_END;
+use crate::cli::startup::{self, JOURNAL_END};
 use crate::cli::{ConnectionArgs, Exit, Failure, argument, block_on, print};
 use crate::clock::Clock;
 use crate::config::Config;
@@ -22,7 +22,7 @@ use crate::control::{
     self, Client, EmergencyStop, RunRequest, RunResponse, StopAnswer, StoppedRun,
 };
 use crate::guardian;
-use crate::journal::{Journal, JournalReader, RunInfo};
+use crate::journal::{Journal, JournalReader};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::{AgentEvent, Battery, Bus, StopConfirmation, StopKept};
@@ -208,13 +208,8 @@ async fn keep_stop(config: &Config) -> StopKept {
 
 /// The journal of the data folder, if it has one.
 fn journal(config: &Config, bus: &Bus) -> Option<Journal> {
-    let data = config.data_folder();
-    JournalReader::open(data).ok().flatten()?;
-    let about = RunInfo {
-        target: String::new(),
-        simulated: false,
-    };
-    Journal::start(bus, data, config.journal, about, Clock::default()).ok()
+    JournalReader::open(config.data_folder()).ok().flatten()?;
+    startup::journal(config, bus, "", false, Clock::default())
 }
 
 /// Stops robots over connections of our own, at the same time.

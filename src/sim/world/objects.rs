@@ -127,7 +127,6 @@ pub struct Ball {
     pub radius: f64,
     pub colour: Paint,
     /// The route along which it rolls.
-    #[serde(default)]
     pub path: Option<Route>,
 }
 
@@ -366,7 +365,6 @@ pub struct Walker {
     #[serde(default = "clothes")]
     pub colour: Paint,
     /// Their route.
-    #[serde(default)]
     pub path: Option<Route>,
 }
 
