@@ -3,14 +3,13 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
+use std::sync::mpsc;
+use std::time::Duration;
 
-use tokio_util::sync::CancellationToken;
-
-use super::startup::runtime;
 use super::{Exit, Failure, argument, print};
 use crate::link::Target;
 use crate::script::suggestion;
+use crate::side_thread::SideThread;
 use crate::sim::{Handle, Options, Server, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
@@ -145,35 +144,37 @@ impl TraceFile {
     }
 }
 
+/// How long the end of a simulator may take.
+const END_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// A simulator on its own thread, so that drawing pictures never delays the watchdog, with real
 /// sockets on loopback. Ends when dropped.
 pub(super) struct EmbeddedSim {
     address: SocketAddr,
     handle: Handle,
-    stop: CancellationToken,
-    thread: Option<JoinHandle<()>>,
+    thread: SideThread,
 }
 
 impl EmbeddedSim {
     /// Starts a simulator in this world. Not for callers on a runtime.
     pub(super) fn start(world: World, options: Options) -> Result<EmbeddedSim, Failure> {
+        let (bound, binding) = mpsc::sync_channel(1);
+        let thread = SideThread::start("sim", |stop| async move {
+            let server = match Server::bind(world, options).await {
+                Ok(server) => server,
+                Err(error) => return drop(bound.send(Err(error))),
+            };
+            let _ = bound.send(Ok((server.local_addr(), server.handle())));
+            let _ = stop.run_until_cancelled(server.run()).await;
+        });
         let cannot = |error| Failure::io("start the simulator", error);
-        let runtime = runtime()?;
-        let bound = runtime.block_on(Server::bind(world, options));
-        let server = bound.map_err(cannot)?;
-        let address = server.local_addr();
-        let handle = server.handle();
-        let stop = CancellationToken::new();
-        let stopped = stop.clone();
-        let serve = move || {
-            let _ = runtime.block_on(stopped.run_until_cancelled(server.run()));
-        };
-        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
+        let thread = thread.map_err(cannot)?;
+        let bound = binding.recv().map_err(Failure::internal)?;
+        let (address, handle) = bound.map_err(cannot)?;
         Ok(EmbeddedSim {
             address,
             handle,
-            stop,
-            thread: Some(thread.map_err(cannot)?),
+            thread,
         })
     }
 
@@ -191,9 +192,6 @@ impl EmbeddedSim {
 
 impl Drop for EmbeddedSim {
     fn drop(&mut self) {
-        self.stop.cancel();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.thread.finish(END_TIMEOUT);
     }
 }

@@ -107,7 +107,9 @@ impl BrokerClient {
                     Some(event) => self.handle_connection(event),
                     None => self.connect(),
                 },
-                finished = next_finished(&mut self.commands) => self.answer(finished),
+                (command, response) = next_finished(&mut self.commands) => {
+                    self.answer(command, response);
+                }
                 message = self.listener.next() => match message {
                     BusMessage::Event(one) => self.handle_event(&one.what),
                     BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
@@ -355,7 +357,7 @@ impl BrokerClient {
         }
     }
 
-    fn answer(&mut self, (command, response): (BrokerCommand, RunResponse)) {
+    fn answer(&mut self, command: BrokerCommand, response: RunResponse) {
         let result = CommandResult::new(command, &response);
         if !result.done {
             let why = result.text.as_deref().unwrap_or_default();
@@ -387,7 +389,7 @@ impl BrokerClient {
         self.cancel_driving();
         while !self.commands.is_empty() {
             match timeout_at(deadline, next_finished(&mut self.commands)).await {
-                Ok(finished) => self.answer(finished),
+                Ok((command, response)) => self.answer(command, response),
                 Err(_) => break,
             }
         }
