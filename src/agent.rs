@@ -10,20 +10,21 @@ mod running_pilot;
 
 use std::time::Duration;
 
-use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
 pub use self::pilot_client::{PilotClient, PilotClientError};
-pub use self::repl_session::{ReplError, ReplSession};
-pub use self::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Roster, RosterError};
-pub use self::running_pilot::{PilotSetup, RESCUE_NAME, RunningPilot, rescue};
-use crate::behaviour::{Launch, Launcher, RestartPolicy};
+pub use self::repl_session::{ReplError, run_repl};
+pub use self::roster::{
+    BehaviourSpec, BehaviourState, BehaviourStatus, Change, Roster, RosterError,
+};
+pub use self::running_pilot::{PilotPlan, PilotSetup, RESCUE_NAME, RunningPilot, rescue};
+use crate::behaviour::{Launch, RestartPolicy};
 use crate::clock::or_never;
 use crate::link::LinkError;
-use crate::pilot::{Connector, Heartbeat, LinkState, Reactions, Settings, Status};
+use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{AgentEvent, Bus, BusMessage, Listener, TimedEvent};
 use crate::robot::{EndReason, Pictures, Priority};
@@ -51,7 +52,7 @@ pub struct Behaviour {
 
 impl Behaviour {
     /// The same, from its first text on.
-    fn again(&self) -> Behaviour {
+    pub fn again(&self) -> Behaviour {
         Behaviour {
             launch: self.launch.clone(),
             reloads: None,
@@ -68,21 +69,9 @@ pub struct Plan {
     pub specs: Vec<BehaviourSpec>,
     /// Continue when no behaviour runs.
     pub stays: bool,
-    pub settings: Settings,
-    /// How to reach the robot.
-    pub connector: Connector,
-    pub launcher: Launcher,
-    /// Runs the pilot and serves the hosts' pipes: the runtime of a
-    /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only runtime.
-    pub core: runtime::Handle,
-    /// The heartbeat, in real time only.
-    pub heartbeat: Option<Heartbeat>,
-    /// The rescue behaviour, if any: see [`rescue`].
-    pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
-    /// The bus on which the run publishes; it may be shared.
-    pub bus: Bus,
+    pub pilot: PilotPlan,
 }
 
 #[derive(Debug, Default)]
@@ -113,8 +102,6 @@ pub struct Agent {
     behaviours: Vec<Behaviour>,
     behaviour_set: BehaviourSet,
     roster: Roster,
-    launcher: Launcher,
-    rescue: Option<Launch>,
     limit: Option<Duration>,
     stays: bool,
     setup: PilotSetup,
@@ -123,17 +110,14 @@ pub struct Agent {
 impl Agent {
     /// Prepares a run. Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let setup = PilotSetup::new(plan.settings, plan.connector, plan.core, plan.heartbeat)
-            .with_bus(plan.bus);
+        let setup = PilotSetup::new(plan.pilot);
         let status = setup.status();
-        let context = setup.host_context(plan.launcher.clone());
+        let context = setup.host_context();
         let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.specs);
         let agent = Agent {
             behaviours: plan.behaviours,
             behaviour_set,
             roster,
-            launcher: plan.launcher,
-            rescue: plan.rescue,
             limit: plan.limit,
             stays: plan.stays,
             setup,
@@ -164,9 +148,6 @@ impl Agent {
     /// over, or `stop` is cancelled. A script that cannot be loaded and is not watched ends the run
     /// before it connects to the robot.
     pub async fn run(mut self, stop: CancellationToken) -> Result<Outcome, AgentError> {
-        if let Some(launch) = self.rescue {
-            self.setup.stand_by(self.launcher, launch);
-        }
         let prepared = match self.behaviour_set.prepare(self.behaviours).await {
             Ok(prepared) => prepared,
             Err(refused) => {

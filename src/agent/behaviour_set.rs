@@ -10,7 +10,8 @@ use tracing::{error, info, warn};
 
 use super::restart_loop::{RestartLoop, report};
 use super::roster::{
-    BehaviourSpec, BehaviourState, BehaviourStatus, Reply, Roster, RosterCommand, RosterError,
+    BehaviourSpec, BehaviourState, BehaviourStatus, Change, Reply, Roster, RosterCommand,
+    RosterError,
 };
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::{Handle, HostContext, Prepared};
@@ -117,7 +118,7 @@ impl BehaviourSet {
         while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match command {
-                RosterCommand::Start(name, .., reply) | RosterCommand::Restart(name, _, reply)
+                RosterCommand::Change(Change::Start | Change::Restart, name, .., reply)
                     if offline =>
                 {
                     let refusal = match self.spec(&name) {
@@ -183,23 +184,9 @@ impl BehaviourSet {
 
     fn execute(&mut self, command: RosterCommand) {
         match command {
-            RosterCommand::Start(name, time_limit, by, reply) => match self.find(&name) {
-                Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, time_limit, &by, reply),
-            },
-            RosterCommand::Stop(name, by, reply) => match self.find(&name) {
-                Some(one) => {
-                    one.stop_for_good(&by);
-                    one.ended.push(reply);
-                }
-                None => {
-                    let why = match self.spec(&name) {
-                        Some(_) => RosterError::DoesNotRun(name),
-                        None => self.unknown(&name),
-                    };
-                    refuse(reply, why);
-                }
-            },
+            RosterCommand::Change(change, name, time_limit, by, reply) => {
+                self.change(change, name, time_limit, &by, reply);
+            }
             RosterCommand::StopAll(by, reply) => {
                 for one in &mut self.active {
                     one.stop_for_good(&by);
@@ -208,21 +195,43 @@ impl BehaviourSet {
                 self.publish();
                 let _ = reply.send(Ok(()));
             }
-            RosterCommand::Restart(name, by, reply) => match self.find(&name) {
-                Some(one) => {
-                    one.stop.stop_by(EndReason::Reload, &by);
-                    if let Some((_, earlier)) = one.restart.replace((by, reply)) {
-                        refuse(earlier, RosterError::Busy);
-                    }
-                }
-                None => self.start(&name, None, &by, reply),
-            },
             RosterCommand::Define(specs, reply) => {
                 self.specs = specs;
                 let _ = reply.send(Ok(()));
             }
         }
         self.publish();
+    }
+
+    fn change(
+        &mut self,
+        change: Change,
+        name: String,
+        time_limit: Option<Duration>,
+        by: &str,
+        reply: Reply,
+    ) {
+        match (change, self.find(&name)) {
+            (Change::Start, Some(_)) => refuse(reply, RosterError::RunsAlready(name)),
+            (Change::Stop, Some(one)) => {
+                one.stop_for_good(by);
+                one.ended.push(reply);
+            }
+            (Change::Stop, None) => {
+                let why = match self.spec(&name) {
+                    Some(_) => RosterError::DoesNotRun(name),
+                    None => self.unknown(&name),
+                };
+                refuse(reply, why);
+            }
+            (Change::Restart, Some(one)) => {
+                one.stop.stop_by(EndReason::Reload, by);
+                if let Some((_, earlier)) = one.restart.replace((by.to_owned(), reply)) {
+                    refuse(earlier, RosterError::Busy);
+                }
+            }
+            (Change::Start | Change::Restart, None) => self.start(&name, time_limit, by, reply),
+        }
     }
 
     /// Loads the script of a behaviour that does not run.

@@ -10,22 +10,11 @@ use tracing::warn;
 
 use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
-    Handle, HostContext, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel,
-    Supervisor,
+    Handle, HostContext, Launch, Prepared, PromptCommand, PromptMessage, ReplChannel, Supervisor,
 };
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Priority};
 use crate::script::ScriptExit;
-
-/// Everything that a session needs.
-pub struct ReplSession {
-    /// The behaviour, from which each replacement is made; `interactive` in its options.
-    pub launch: Launch,
-    pub launcher: Launcher,
-    pub setup: PilotSetup,
-    /// The rescue behaviour, if any: see [`rescue`](super::rescue).
-    pub rescue: Option<Launch>,
-}
 
 /// Why a session was aborted.
 #[derive(Debug, thiserror::Error)]
@@ -38,7 +27,30 @@ pub enum ReplError {
     Host(ScriptExit),
 }
 
-struct RunningSession {
+/// Runs a session until `stop` is cancelled, or until the command sender is dropped and a robot with
+/// a low battery is home. In either case the robot is stopped. Each behaviour is made from `launch`,
+/// which has `interactive` in its options. Returns whether the watchdog controlled the robot at the
+/// end.
+pub async fn run_repl(
+    launch: Launch,
+    setup: PilotSetup,
+    mut commands: mpsc::Receiver<PromptCommand>,
+    sink: mpsc::Sender<PromptMessage>,
+    stop: CancellationToken,
+) -> Result<bool, ReplError> {
+    let mut session = ReplSession {
+        launch,
+        context: setup.host_context(),
+        pilot: setup.launch(&stop),
+        last: 0,
+    };
+    let stayed = session.live(&mut commands, &sink, &stop).await;
+    let safety = session.pilot.is_away();
+    session.pilot.end().await;
+    stayed.map(|stayed| stayed || safety)
+}
+
+struct ReplSession {
     launch: Launch,
     context: HostContext,
     pilot: RunningPilot,
@@ -46,32 +58,6 @@ struct RunningSession {
 }
 
 impl ReplSession {
-    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a
-    /// low battery is home. In either case the robot is stopped. Returns whether the watchdog
-    /// controlled the robot at the end.
-    pub async fn run(
-        mut self,
-        mut commands: mpsc::Receiver<PromptCommand>,
-        sink: mpsc::Sender<PromptMessage>,
-        stop: CancellationToken,
-    ) -> Result<bool, ReplError> {
-        if let Some(launch) = self.rescue {
-            self.setup.stand_by(self.launcher.clone(), launch);
-        }
-        let mut session = RunningSession {
-            launch: self.launch,
-            context: self.setup.host_context(self.launcher),
-            pilot: self.setup.launch(&stop),
-            last: 0,
-        };
-        let stayed = session.live(&mut commands, &sink, &stop).await;
-        let safety = session.pilot.is_away();
-        session.pilot.end().await;
-        stayed.map(|stayed| stayed || safety)
-    }
-}
-
-impl RunningSession {
     /// Returns whether the session had to wait for a robot with a low battery.
     async fn live(
         &mut self,

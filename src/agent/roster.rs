@@ -6,6 +6,8 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
 use tokio::time::{Instant, timeout};
 
@@ -161,17 +163,27 @@ impl RosterError {
     }
 }
 
+/// A change of a behaviour's state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Change {
+    /// Start it.
+    Start,
+    /// Stop it.
+    Stop,
+    /// Stop it if it runs, and start it again from its file.
+    Restart,
+}
+
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 #[derive(Debug)]
 pub(super) enum RosterCommand {
-    /// Start the behaviour, and end it after this time if it still runs then. As with the others, the
-    /// last text is who wants this.
-    Start(String, Option<Duration>, String, Reply),
-    Stop(String, String, Reply),
+    /// Change the state of this behaviour in the name of somebody. One that is started is ended after
+    /// this time.
+    Change(Change, String, Option<Duration>, String, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(String, Reply),
-    Restart(String, String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
 }
@@ -215,24 +227,19 @@ impl Roster {
         }
     }
 
-    /// Starts a behaviour in the name of `by`; returns when its script is loaded and begins. It is ended
-    /// after it has run for `time_limit`, unless it has ended before. A restart resets the time.
-    pub async fn start(
+    /// Changes a behaviour's state in the name of `by`. Returns when its script is loaded and begins,
+    /// or when it has ended, after its last words; then it is not restarted, also if its new text cannot
+    /// be loaded. A started one is ended after it has run for `time_limit`; a restart resets the time.
+    pub async fn change(
         &self,
+        change: Change,
         name: &str,
         time_limit: Option<Duration>,
         by: &str,
     ) -> Result<(), RosterError> {
         let name = name.to_owned();
         let by = by.to_owned();
-        self.send_command(|reply| RosterCommand::Start(name, time_limit, by, reply))
-            .await
-    }
-
-    /// Ends a behaviour in the name of `by`; returns when it has ended, after its last words. It is not
-    /// restarted.
-    pub async fn stop(&self, name: &str, by: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), by.to_owned(), reply))
+        self.send_command(|reply| RosterCommand::Change(change, name, time_limit, by, reply))
             .await
     }
 
@@ -255,13 +262,6 @@ impl Roster {
             Ok(Err(_)) => Err(RosterError::Closed),
             Err(_) => Err(RosterError::Busy),
         }
-    }
-
-    /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
-    /// cannot be loaded, the behaviour stays ended.
-    pub async fn restart(&self, name: &str, by: &str) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Restart(name.to_owned(), by.to_owned(), reply))
-            .await
     }
 
     /// Replaces the known behaviours; running behaviours continue.
@@ -362,9 +362,7 @@ mod tests {
             tokio::spawn(async move {
                 while let Some(command) = commands.recv().await {
                     let text = format!("{command:?}");
-                    let (RosterCommand::Start(.., reply) | RosterCommand::Stop(.., reply)) =
-                        command
-                    else {
+                    let RosterCommand::Change(.., reply) = command else {
                         continue;
                     };
                     let _ = shown.send((text, reply));
@@ -387,8 +385,8 @@ mod tests {
         };
         let patient = roster.without_timeout();
         let (hasty, patient, ()) = tokio::join!(
-            roster.start("go", None, "anna"),
-            patient.start("go", None, "ben"),
+            roster.change(Change::Start, "go", None, "anna"),
+            patient.change(Change::Start, "go", None, "ben"),
             slow
         );
         assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));

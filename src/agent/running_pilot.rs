@@ -28,49 +28,45 @@ use crate::script;
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2800);
 
+/// What a pilot needs, whoever it serves.
+pub struct PilotPlan {
+    pub settings: Settings,
+    /// How to reach the robot.
+    pub connector: Connector,
+    /// Starts the hosts of behaviours.
+    pub launcher: Launcher,
+    /// Runs the pilot and serves the hosts' pipes: the runtime of a [`pilot::DrivingCore`], or in
+    /// virtual time the only runtime.
+    pub core: runtime::Handle,
+    /// The heartbeat, in real time only.
+    pub heartbeat: Option<Heartbeat>,
+    /// The rescue behaviour, if any: see [`rescue`].
+    pub rescue: Option<Launch>,
+    /// The bus on which the pilot publishes; it may be shared.
+    pub bus: Bus,
+}
+
 /// A pilot that is not launched yet.
 pub struct PilotSetup {
     pilot: Pilot,
-    settings: Settings,
-    connector: Connector,
-    core: runtime::Handle,
+    plan: PilotPlan,
     requests: (mpsc::Sender<Request>, mpsc::Receiver<Request>),
     frames: watch::Receiver<Pictures>,
     status: watch::Receiver<Status>,
-    rescue: Option<AbortOnDropHandle<()>>,
-    bus: Bus,
 }
 
 impl PilotSetup {
-    /// A pilot with these settings that connects with `connector` and will run on `core`: the
-    /// runtime of a [`pilot::DrivingCore`], or in virtual time the only runtime. In real time it
-    /// has a heartbeat.
-    pub fn new(
-        settings: Settings,
-        connector: Connector,
-        core: runtime::Handle,
-        heartbeat: Option<Heartbeat>,
-    ) -> PilotSetup {
-        let (mut pilot, frames, status) = Pilot::new(&settings);
-        pilot.set_heartbeat(heartbeat);
+    pub fn new(mut plan: PilotPlan) -> PilotSetup {
+        let (mut pilot, frames, status) = Pilot::new(&plan.settings);
+        pilot.set_heartbeat(plan.heartbeat.take());
+        pilot.set_bus(plan.bus.clone());
         PilotSetup {
             pilot,
-            settings,
-            connector,
-            core,
+            plan,
             requests: mpsc::channel(MAX_REQUESTS),
             frames,
             status,
-            rescue: None,
-            bus: Bus::default(),
         }
-    }
-
-    /// Sets the bus on which the pilot publishes.
-    #[must_use]
-    pub fn with_bus(mut self, bus: Bus) -> PilotSetup {
-        self.pilot.set_bus(bus.clone());
-        PilotSetup { bus, ..self }
     }
 
     /// The queue for requests to the pilot.
@@ -92,54 +88,50 @@ impl PilotSetup {
         self.pilot.reactions()
     }
 
-    /// The runtime on which the pilot will run.
-    pub fn core(&self) -> &runtime::Handle {
-        &self.core
-    }
-
     /// What behaviours are launched with.
-    pub(super) fn host_context(&self, launcher: Launcher) -> HostContext {
+    pub(super) fn host_context(&self) -> HostContext {
         HostContext {
-            launcher,
-            core: self.core.clone(),
+            launcher: self.plan.launcher.clone(),
+            core: self.plan.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
-            longest_silence: self.settings.limits.host_idle_silence.get(),
+            longest_silence: self.plan.settings.limits.host_idle_silence.get(),
             viewers: ViewerChannel::default(),
-            bus: self.bus.clone(),
+            bus: self.plan.bus.clone(),
         }
     }
 
-    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
-    /// on the calling task's runtime.
-    pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        let standing_by = stand_by(self.host_context(launcher), launch, self.status());
-        self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
-    }
-
     /// Connects, and drives until it is ended. Cancelling `stop` stops all motion at once, even if
-    /// the calling thread is blocked by the system.
-    pub fn launch(self, stop: &CancellationToken) -> RunningPilot {
+    /// the calling thread is blocked by the system. The rescue behaviour runs whenever the watchdog
+    /// wants it; its hosts are started on the calling task's runtime.
+    pub fn launch(mut self, stop: &CancellationToken) -> RunningPilot {
+        let rescue = self.plan.rescue.take().map(|launch| {
+            let standing_by = stand_by(self.host_context(), launch, self.status());
+            AbortOnDropHandle::new(tokio::spawn(standing_by))
+        });
+        let PilotPlan {
+            settings,
+            connector,
+            core,
+            ..
+        } = self.plan;
         let shutdown = pilot::Shutdown::default();
-        let run = self.pilot.run(
-            self.connector,
-            self.settings,
-            self.requests.1,
-            shutdown.clone(),
-        );
+        let run = self
+            .pilot
+            .run(connector, settings, self.requests.1, shutdown.clone());
         let stopped = stop.clone();
         let motion = shutdown.stop_motion.clone();
-        let stop_motion = self.core.spawn(async move {
+        let stop_motion = core.spawn(async move {
             stopped.cancelled().await;
             motion.cancel();
         });
         RunningPilot {
-            pilot: AbortOnDropHandle::new(self.core.spawn(run)),
+            pilot: AbortOnDropHandle::new(core.spawn(run)),
             ended: false,
             shutdown,
             status: self.status,
             _stop_motion: AbortOnDropHandle::new(stop_motion),
-            _rescue: self.rescue,
+            _rescue: rescue,
         }
     }
 }
@@ -275,13 +267,7 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),
         Rescue::Builtin => (script::RESCUE.into(), Library::default()),
-        Rescue::File(path) => {
-            let folder = path.parent().unwrap_or(path);
-            (
-                crate::behaviour::read_source(path)?,
-                Library::new(folder.to_owned()),
-            )
-        }
+        Rescue::File(path) => (crate::behaviour::read_source(path)?, Library::beside(path)),
     };
     Ok(Some(Launch {
         source,

@@ -28,6 +28,11 @@ impl Library {
         }
     }
 
+    /// Serves the modules in the folder of this script and below.
+    pub fn beside(script: &Path) -> Library {
+        Library::new(script.parent().unwrap_or(Path::new("")).to_owned())
+    }
+
     /// Returns every file read so far.
     pub fn files(&self) -> Vec<PathBuf> {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);

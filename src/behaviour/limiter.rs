@@ -43,31 +43,41 @@ impl<T> Admission<T> {
     }
 }
 
+/// The limits of one host.
 #[derive(Debug)]
-pub(super) struct LogLimiter {
-    day: Budget,
+pub(super) struct HostLimiter {
+    behaviour: String,
+    /// Where its pictures are.
+    folder: Option<PathBuf>,
+    /// Of the bytes of its log.
+    log_day: Budget,
     window: Option<Instant>,
     lines: u32,
-    reports: Repeats<()>,
+    dropped_lines: Repeats<()>,
+    daily_limits: DailyLimits,
+    dropped_reports: Repeats<()>,
 }
 
-impl LogLimiter {
-    /// Creates the limiter of a behaviour that may log this many bytes per day.
-    pub(super) fn new(per_day: u64) -> LogLimiter {
-        LogLimiter {
-            day: Budget::new(per_day),
+impl HostLimiter {
+    pub(super) fn new(behaviour: String, folder: Option<PathBuf>, limits: &Limits) -> HostLimiter {
+        HostLimiter {
+            behaviour,
+            folder,
+            log_day: Budget::new(limits.log_bytes_a_day()),
             window: None,
             lines: 0,
-            reports: Repeats::new(REPORT_INTERVAL),
+            dropped_lines: Repeats::new(REPORT_INTERVAL),
+            daily_limits: DailyLimits::new(limits),
+            dropped_reports: Repeats::new(REPORT_INTERVAL),
         }
     }
 
-    pub(super) fn admit(&mut self, line: LogLine, now: Instant) -> Admission<LogLine> {
+    pub(super) fn admit_line(&mut self, line: LogLine, now: Instant) -> Admission<LogLine> {
         let line = cut(line);
-        if self.has_room(now) && self.day.take(cost(&line), now) {
+        if self.has_room(now) && self.log_day.take(cost(&line), now) {
             return Admission::Passed(line);
         }
-        Admission::dropped(&mut self.reports, now)
+        Admission::dropped(&mut self.dropped_lines, now)
     }
 
     fn has_room(&mut self, now: Instant) -> bool {
@@ -78,75 +88,15 @@ impl LogLimiter {
         self.lines = self.lines.saturating_add(1);
         self.lines <= MAX_LINES
     }
-}
 
-fn cut(mut line: LogLine) -> LogLine {
-    let shorten = |text: &mut String| {
-        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
-            text.truncate(at);
-        }
-    };
-    shorten(&mut line.text);
-    line.fields.truncate(MAX_FIELDS);
-    for (key, value) in &mut line.fields {
-        shorten(key);
-        shorten(value);
-    }
-    line
-}
-
-fn cost(line: &LogLine) -> u64 {
-    let fields: usize = line
-        .fields
-        .iter()
-        .map(|(key, value)| key.len() + value.len())
-        .sum();
-    (OVERHEAD + line.text.len() + fields) as u64
-}
-
-pub(super) fn log(behaviour: &str, line: &LogLine) {
-    let fields: Vec<String> = line
-        .fields
-        .iter()
-        .map(|(key, value)| format!("{key}={value}"))
-        .collect();
-    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
-    let at = line.line;
-    match line.level {
-        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
-    }
-}
-
-#[derive(Debug)]
-pub(super) struct ReportLimiter {
-    behaviour: String,
-    folder: Option<PathBuf>,
-    daily_limits: DailyLimits,
-    reports: Repeats<()>,
-}
-
-impl ReportLimiter {
-    /// Creates the limiter of a behaviour whose pictures are in this folder.
-    pub(super) fn new(
-        behaviour: String,
-        folder: Option<PathBuf>,
-        limits: &Limits,
-    ) -> ReportLimiter {
-        ReportLimiter {
-            behaviour,
-            folder,
-            daily_limits: DailyLimits::new(limits),
-            reports: Repeats::new(REPORT_INTERVAL),
-        }
-    }
-
-    pub(super) fn admit(&mut self, report: HostReport, now: Instant) -> Admission<AgentEvent> {
+    pub(super) fn admit_report(
+        &mut self,
+        report: HostReport,
+        now: Instant,
+    ) -> Admission<AgentEvent> {
         match self.event(report, now) {
             Some(what) => Admission::Passed(what),
-            None => Admission::dropped(&mut self.reports, now),
+            None => Admission::dropped(&mut self.dropped_reports, now),
         }
     }
 
@@ -200,6 +150,46 @@ impl ReportLimiter {
     }
 }
 
+fn cut(mut line: LogLine) -> LogLine {
+    let shorten = |text: &mut String| {
+        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(at);
+        }
+    };
+    shorten(&mut line.text);
+    line.fields.truncate(MAX_FIELDS);
+    for (key, value) in &mut line.fields {
+        shorten(key);
+        shorten(value);
+    }
+    line
+}
+
+fn cost(line: &LogLine) -> u64 {
+    let fields: usize = line
+        .fields
+        .iter()
+        .map(|(key, value)| key.len() + value.len())
+        .sum();
+    (OVERHEAD + line.text.len() + fields) as u64
+}
+
+pub(super) fn log(behaviour: &str, line: &LogLine) {
+    let fields: Vec<String> = line
+        .fields
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
+    let at = line.line;
+    match line.level {
+        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,23 +208,23 @@ mod tests {
         matches!(admission, Admission::Passed(_))
     }
 
-    fn written(log_limiter: &mut LogLimiter, now: Instant) -> bool {
-        passed(&log_limiter.admit(line("x".into()), now))
+    fn written(limiter: &mut HostLimiter, now: Instant) -> bool {
+        passed(&limiter.admit_line(line("x".into()), now))
     }
 
     #[test]
     fn a_flood_is_limited_per_second_and_reported_once_a_minute() {
-        let mut log_limiter = LogLimiter::new(1 << 30);
+        let mut limiter = limiter(1 << 30);
         let mut now = Instant::now();
-        let passed = std::iter::repeat_with(|| written(&mut log_limiter, now))
+        let passed = std::iter::repeat_with(|| written(&mut limiter, now))
             .take(10_000)
             .filter(|written| *written)
             .count();
         assert_eq!(passed, MAX_LINES as usize);
         now += WINDOW;
-        assert!(written(&mut log_limiter, now));
+        assert!(written(&mut limiter, now));
         now += REPORT_INTERVAL;
-        let flood = (0..200).map(|_| log_limiter.admit(line("x".into()), now));
+        let flood = (0..200).map(|_| limiter.admit_line(line("x".into()), now));
         let reported: Vec<_> = flood
             .filter(|admission| matches!(admission, Admission::Dropped(_)))
             .collect();
@@ -246,20 +236,20 @@ mod tests {
 
     #[test]
     fn bytes_per_day_and_line_length_are_limited() {
-        let mut log_limiter = LogLimiter::new(24 * 1000);
+        let mut poor = limiter(24 * 1000);
         let mut now = Instant::now();
         let mut passed = 0;
         for _ in 0..3600 {
             now += WINDOW;
-            passed += usize::from(written(&mut log_limiter, now));
+            passed += usize::from(written(&mut poor, now));
         }
         assert!((12..=25).contains(&passed), "{passed}");
-        let mut log_limiter = LogLimiter::new(1 << 30);
+        let mut limiter = limiter(1 << 30);
         let long = LogLine {
             fields: vec![("k".repeat(9000), "v".repeat(9000)); 900],
             ..line("ä".repeat(100_000))
         };
-        let Admission::Passed(cut) = log_limiter.admit(long, now) else {
+        let Admission::Passed(cut) = limiter.admit_line(long, now) else {
             panic!("dropped");
         };
         assert_eq!(cut.text.chars().count(), LONGEST);
@@ -269,12 +259,13 @@ mod tests {
         );
     }
 
-    fn limiter() -> ReportLimiter {
+    /// A limiter of which the log has this many bytes a day.
+    fn limiter(log_bytes_a_day: u64) -> HostLimiter {
         let limits = Limits {
-            bytes_a_day: 64 * 24 * 1000,
+            bytes_a_day: 4 * log_bytes_a_day,
             ..Limits::default()
         };
-        ReportLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
+        HostLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
     }
 
     fn picture(name: &str) -> HostReport {
@@ -297,7 +288,7 @@ mod tests {
     #[test]
     fn a_compromised_host_cannot_name_files_of_others() {
         let now = Instant::now();
-        let mut limiter = limiter();
+        let mut limiter = limiter(16 * 24 * 1000);
         for name in [
             "../two/1.jpg",
             "/etc/passwd",
@@ -306,11 +297,14 @@ mod tests {
             ".x.jpg",
             "passwd",
         ] {
-            assert!(!passed(&limiter.admit(picture(name), now)), "{name}");
-            assert!(!passed(&limiter.admit(notice(Some(name)), now)), "{name}");
+            assert!(!passed(&limiter.admit_report(picture(name), now)), "{name}");
+            assert!(
+                !passed(&limiter.admit_report(notice(Some(name)), now)),
+                "{name}"
+            );
         }
         let Admission::Passed(AgentEvent::Picture { path, .. }) =
-            limiter.admit(picture("1.jpg"), now)
+            limiter.admit_report(picture("1.jpg"), now)
         else {
             panic!("dropped");
         };
@@ -322,19 +316,21 @@ mod tests {
         let now = Instant::now();
         let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
         for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
-            let admission = limiter().admit(entry("moved", json), now);
+            let admission = limiter(16 * 24 * 1000).admit_report(entry("moved", json), now);
             assert!(matches!(admission, Admission::Dropped(0)), "{admission:?}");
         }
         let kind = "k".repeat(MAX_KIND + 1);
-        assert!(!passed(&limiter().admit(entry(&kind, "{}"), now)));
+        assert!(!passed(
+            &limiter(16 * 24 * 1000).admit_report(entry(&kind, "{}"), now)
+        ));
     }
 
     #[test]
     fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
-        let mut limiter = limiter();
+        let mut limiter = limiter(16 * 24 * 1000);
         let now = Instant::now();
         let admissions: Vec<_> = (0..1000)
-            .map(|_| limiter.admit(notice(None), now))
+            .map(|_| limiter.admit_report(notice(None), now))
             .collect();
         let count = admissions.iter().filter(|one| passed(one)).count();
         assert_eq!(count as u64, NOTICES_A_DAY / 24);
@@ -342,7 +338,7 @@ mod tests {
             .iter()
             .filter(|admission| matches!(admission, Admission::Dropped(_)));
         assert_eq!(reported.count(), 1);
-        let entries = (0..1000).map(|_| limiter.admit(entry("moved", "{}"), now));
+        let entries = (0..1000).map(|_| limiter.admit_report(entry("moved", "{}"), now));
         assert!(entries.filter(passed).count() < 10);
     }
 }

@@ -17,7 +17,7 @@ use tokio::time::timeout;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use super::library::Library;
-use super::limiter::{LogLimiter, ReportLimiter};
+use super::limiter::HostLimiter;
 use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
@@ -239,8 +239,7 @@ pub struct Prepared {
     pump: AbortHandle,
     /// False in virtual time, in which no sign of life is expected.
     pub(super) in_real_time: bool,
-    pub(super) log_limiter: LogLimiter,
-    pub(super) report_limiter: ReportLimiter,
+    pub(super) limiter: HostLimiter,
 }
 
 impl Prepared {
@@ -260,9 +259,8 @@ impl Prepared {
             )
         };
         validate_name(&name).map_err(|error| exit(EndReason::Error, &error.to_string()))?;
-        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day());
         let folder = launch.options.data_dir.clone();
-        let report_limiter = ReportLimiter::new(name.clone(), folder, &launch.options.limits);
+        let limiter = HostLimiter::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
@@ -281,8 +279,7 @@ impl Prepared {
             modules,
             pump,
             in_real_time: !launcher.is_in_this_thread(),
-            log_limiter,
-            report_limiter,
+            limiter,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {

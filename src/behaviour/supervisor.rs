@@ -312,7 +312,7 @@ impl Supervisor {
     fn write(&mut self, line: LogLine) {
         let name = &self.host.name;
         match (
-            self.host.log_limiter.admit(line, Instant::now()),
+            self.host.limiter.admit_line(line, Instant::now()),
             &self.repl_channel,
         ) {
             (Admission::Passed(line), Some(repl_channel)) => {
@@ -329,7 +329,7 @@ impl Supervisor {
     }
 
     fn report(&mut self, report: HostReport) {
-        match self.host.report_limiter.admit(report, Instant::now()) {
+        match self.host.limiter.admit_report(report, Instant::now()) {
             Admission::Passed(what) => self.context.bus.publish(what),
             Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,

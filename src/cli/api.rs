@@ -41,8 +41,7 @@ pub(super) fn run(args: &ApiArgs) -> Result<Exit, Failure> {
         None if args.json => format!("{:#}\n", json()),
         None => api::list(),
     };
-    print(&text)?;
-    Ok(Exit::Done)
+    print(&text)
 }
 
 /// All generated pages of the book.

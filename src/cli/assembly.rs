@@ -1,6 +1,8 @@
-//! The one assembly of a run in real time, of `spykee run` and of `spykee serve`: driving core,
-//! agent, page, broker, journal, notifications and the socket for other commands.
+//! The one assembly of a run, of `spykee run` and of `spykee serve`: driving core, agent, page,
+//! broker, journal, notifications and the socket for other commands. With `--fast` all of it but
+//! the last three runs in a simulation: see [`fast`].
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,34 +10,40 @@ use tokio::sync::{Notify, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::connection::RobotTarget;
+use super::connection::{ChosenRobot, RobotTarget};
 use super::interrupt::handle_signals;
 use super::startup::{
-    JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
-    refuse_if_stopped, rescue, runtime, serve, warn_of_unpaid_stop,
+    JOURNAL_END, driving_core, emergency_stop, guardian_files, journal, refuse_if_stopped, runtime,
+    serve, warn_of_unpaid_stop,
 };
 use super::status::{StatusLine, show};
 use super::world::{EmbeddedSim, TraceFile};
-use super::{Console, Exit, Failure, RUNTIME_LIMIT, fleet, live, notify};
-use crate::agent::{Agent, AgentError, Behaviour, BehaviourSpec, Bus, Outcome, Plan};
+use super::{Console, Exit, Failure, RUNTIME_LIMIT, fast, fleet, live, notify};
+use crate::agent::{Agent, AgentError, Behaviour, BehaviourSpec, Bus, Outcome, PilotPlan, Plan};
 use crate::behaviour::is_failure;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Effective};
 use crate::control::{self, ControlServer, EmergencyStop, SimulatedRobot};
-use crate::live::RunDefinition;
+use crate::journal::When;
+use crate::live::{Live, RunDefinition};
 use crate::mqtt;
-use crate::pilot::{DrivingCore, Status};
+use crate::pilot::{Settings, Status};
 use crate::robot::EndReason;
+use crate::sim::{self, Handle};
 use crate::timetable::View;
 
-pub(super) struct RunSetup<'a> {
-    pub(super) settings: &'a Effective,
-    /// The robot, with the config in effect: flags may change that of the settings.
-    pub(super) robot: RobotTarget,
-    pub(super) seed: u64,
+/// A run or a service, on whatever robot.
+pub(super) struct RunSetup {
+    /// The config in effect: flags may change that of the settings.
+    pub(super) config: Config,
+    /// The login, the seed, and what else a simulated robot needs.
+    pub(super) sim_options: sim::Options,
+    /// Runs in virtual time, as fast as possible.
+    pub(super) fast: bool,
+    /// The date and time at the start of a simulation, if it is not the present or usual one.
+    pub(super) date: Option<Date>,
+    /// Whether the first connection is repeated until it succeeds.
     pub(super) waits: bool,
-    pub(super) keeps_journal: bool,
-    pub(super) clock: Clock,
     /// The beginning of the status line.
     pub(super) names: String,
     pub(super) behaviours: Vec<Behaviour>,
@@ -45,170 +53,228 @@ pub(super) struct RunSetup<'a> {
     pub(super) page: Option<watch::Receiver<RunDefinition>>,
     /// The picture of a simulated robot's path, drawn at the end.
     pub(super) trace: Option<TraceFile>,
-    pub(super) service: Option<ServiceSetup>,
+    /// With `fast`: the file for all events.
+    pub(super) events: Option<PathBuf>,
+    /// A service handles SIGHUP itself, also starts while a person's STOP holds, and goes on when
+    /// no behaviour runs.
+    pub(super) is_service: bool,
 }
 
-/// What a service has beyond a single run. It handles SIGHUP itself, also starts while a person's
-/// STOP holds, and goes on when no behaviour runs.
-pub(super) struct ServiceSetup {
-    /// Told of each heartbeat of the driving core.
-    pub(super) beats: Arc<Notify>,
-    pub(super) view: watch::Receiver<View>,
+/// The robot of a run: a real one, one that a simulator beside the run serves, or that of a
+/// simulation.
+pub(super) struct RunRobot {
+    pub(super) pilot: PilotPlan,
+    /// Its address as given to the run.
+    pub(super) target: String,
+    pub(super) sim: Option<SimulatedRobot>,
+    pub(super) emergency_stop: EmergencyStop,
+    /// Ends the run.
+    pub(super) stop: CancellationToken,
 }
 
+/// A run that has been assembled, for its `drive`.
 pub(super) struct StartedRun {
     pub(super) agent: Agent,
     pub(super) status: watch::Receiver<Status>,
     pub(super) bus: Bus,
+    /// Told of each heartbeat of the driving core.
+    pub(super) beats: Arc<Notify>,
+    /// For the next start of a timetable.
+    pub(super) view: watch::Sender<View>,
     /// Cancelled by signals; ends the run.
     pub(super) stop: CancellationToken,
 }
 
-impl RunSetup<'_> {
-    /// Starts everything that a run needs, has `drive` run the agent, and ends the rest.
+impl RunSetup {
+    /// Starts everything that a run of this robot needs, has `drive` run the agent, and ends the
+    /// rest.
     pub(super) fn run(
+        self,
+        robot: ChosenRobot,
+        settings: &Effective,
+        console: &Console,
+        drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure> + Send + 'static,
+    ) -> Result<Exit, Failure> {
+        if self.fast {
+            return fast::run(self, robot.into_world()?, console, drive);
+        }
+        let robot = robot.start(self.config.clone(), self.sim_options.clone())?;
+        self.run_in_real_time(&robot, settings, console, drive)
+    }
+
+    fn run_in_real_time(
         mut self,
+        robot: &RobotTarget,
+        settings: &Effective,
         console: &Console,
         drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
     ) -> Result<Exit, Failure> {
-        let settings = self.settings;
-        let config = &self.robot.config;
-        let simulated = self.robot.sim.is_some();
+        let config = &self.config;
+        let simulated = robot.sim.is_some();
+        let target = robot.address.to_string();
         let runtime = runtime()?;
         // A person can release a STOP that holds at a page, and a service waits for that.
-        if self.page.is_none() && self.service.is_none() {
+        if self.page.is_none() && !self.is_service {
             refuse_if_stopped(config, simulated)?;
         }
         warn_of_unpaid_stop(config);
-        let bus = Bus::default();
-        let emergency_stop = emergency_stop(config, simulated, &bus);
         let core = driving_core()?;
-        let plan = self.plan(&core, &bus)?;
-        let journal = if self.keeps_journal {
-            let target = self.robot.address.to_string();
-            journal(&self.robot.config, &bus, &target, simulated, self.clock)
+        let pilot = robot.pilot_plan(&core, guardian_files(config), self.sim_options.seed)?;
+        let bus = pilot.bus.clone();
+        let emergency_stop = emergency_stop(config, simulated, &bus);
+        let journal = if self.keeps_journal() {
+            let clock = clock(self.date, false, config);
+            journal(config, &bus, &target, simulated, clock)
         } else {
             None
         };
         let notifier = notify::start(settings, &bus)?;
         let trace = self.trace.take();
-        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let outcome = runtime.block_on(self.run_agent(plan, &emergency_stop, console, drive));
+        let sim = robot.sim.as_ref().map(EmbeddedSim::handle);
+        let run_robot = RunRobot {
+            pilot,
+            target,
+            sim: sim.clone().map(SimulatedRobot::from),
+            emergency_stop: emergency_stop.clone(),
+            stop: CancellationToken::new(),
+        };
+        let outcome = runtime.block_on(self.serve(run_robot, settings, console, drive));
         drop(core);
         runtime.shutdown_timeout(RUNTIME_LIMIT);
         emergency_stop.finish(JOURNAL_END);
         journal.map(|journal| journal.finish(JOURNAL_END));
         notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
-        // Also drawn for a run that failed or was interrupted, where it is most useful.
-        let drawn = match (trace, &sim) {
-            (Some(trace), Some(sim)) => trace.write(sim),
-            _ => Ok(()),
-        };
-        outcome.and_then(|exit| drawn.map(|()| exit))
+        with_trace(outcome, trace, sim)
     }
 
-    fn plan(&mut self, core: &DrivingCore, bus: &Bus) -> Result<Plan, Failure> {
-        let config = &self.robot.config;
-        let simulated = self.robot.sim.is_some();
-        let mut settings = config.pilot(simulated, self.seed);
-        settings.waits = self.waits;
-        let mut heartbeat = heartbeat(simulated, guardian_files(config))?;
-        if let Some(service) = &self.service {
-            heartbeat = heartbeat.notify_beats(service.beats.clone());
+    /// Whether the journal is kept: by default only that of a service in real time.
+    pub(super) fn keeps_journal(&self) -> bool {
+        match self.config.journal.record {
+            When::On => true,
+            When::Auto => self.is_service && !self.fast,
+            When::Off => false,
         }
-        Ok(Plan {
+    }
+
+    fn plan(&mut self, pilot: PilotPlan, beats: Arc<Notify>) -> Plan {
+        Plan {
             behaviours: std::mem::take(&mut self.behaviours),
             specs: std::mem::take(&mut self.specs),
-            stays: self.page.is_some() || self.service.is_some(),
-            settings,
-            connector: self.robot.connector(),
-            launcher: launcher()?,
-            core: core.handle().clone(),
-            heartbeat: Some(heartbeat),
-            rescue: rescue(config, self.seed)?,
+            stays: self.page.is_some() || self.is_service,
             limit: self.limit,
-            bus: bus.clone(),
-        })
+            pilot: PilotPlan {
+                settings: Settings {
+                    waits: self.waits,
+                    ..pilot.settings
+                },
+                heartbeat: pilot.heartbeat.map(|one| one.notify_beats(beats)),
+                ..pilot
+            },
+        }
     }
 
-    /// The handles through which persons control the run.
-    fn control_run(
-        &self,
-        agent: &Agent,
-        status: &watch::Receiver<Status>,
-        emergency_stop: &EmergencyStop,
-    ) -> control::Run {
-        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let service = self.service.as_ref();
-        control::Run {
+    /// Builds the agent of this robot, and serves its page. In real time, signals end the run from
+    /// now on. Also returns the handles through which persons control the run.
+    pub(super) fn assemble(
+        &mut self,
+        robot: RunRobot,
+        console: &Console,
+    ) -> Result<(StartedRun, control::Run, Option<Live>), Failure> {
+        let pilot = robot.pilot;
+        let bus = pilot.bus.clone();
+        let listener = bus.subscribe();
+        let beats = Arc::new(Notify::new());
+        let signals_on = pilot.heartbeat.as_ref().map(|_| pilot.core.clone());
+        let (agent, status) = Agent::new(self.plan(pilot, beats.clone()));
+        robot.emergency_stop.restore(&agent.requests());
+        if let Some(core) = signals_on {
+            let others: &[i32] = if self.is_service {
+                &[libc::SIGHUP]
+            } else {
+                &[]
+            };
+            handle_signals(&core, agent.requests(), robot.stop.clone(), others, None)?;
+        }
+        let (view, seen) = View::channel();
+        let control = control::Run {
             requests: agent.requests(),
             roster: agent.roster(),
             status: status.clone(),
             pictures: agent.pictures(),
             reactions: agent.reactions(),
             end: None,
-            emergency_stop: emergency_stop.clone(),
-            streams: self.robot.config.streams,
-            target: self.robot.address.to_string(),
-            simulated: sim.is_some(),
-            sim: self.page.as_ref().and(sim).map(SimulatedRobot::from),
+            emergency_stop: robot.emergency_stop,
+            streams: self.config.streams,
+            target: robot.target,
+            simulated: robot.sim.is_some(),
+            sim: self.page.as_ref().and(robot.sim),
             began: Instant::now(),
-            // A single run has no timetable.
-            view: service.map_or_else(|| View::channel().1, |service| service.view.clone()),
-        }
+            view: seen,
+        };
+        let page = self.page.take();
+        let page =
+            page.map(|page| live::serve(&self.config, control.clone(), page, listener, console));
+        let started = StartedRun {
+            agent,
+            status,
+            bus,
+            beats,
+            view,
+            stop: robot.stop,
+        };
+        Ok((started, control, page.transpose()?))
     }
 
     /// Runs the agent, and serves page, broker and other commands meanwhile.
-    async fn run_agent(
-        self,
-        plan: Plan,
-        emergency_stop: &EmergencyStop,
+    async fn serve(
+        mut self,
+        robot: RunRobot,
+        settings: &Effective,
         console: &Console,
         drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
     ) -> Result<Exit, Failure> {
-        let server = ControlServer::open(self.robot.config.data_folder());
-        let account = fleet::account_of_run(self.settings)?;
-        let core = plan.core.clone();
-        let bus = plan.bus.clone();
-        let sim = self.robot.sim.as_ref().map(EmbeddedSim::handle);
-        let listener = bus.subscribe();
-        let stop = CancellationToken::new();
-        let (agent, status) = Agent::new(plan);
-        emergency_stop.restore(&agent.requests());
-        let is_service = self.service.is_some();
-        let others: &[i32] = if is_service { &[libc::SIGHUP] } else { &[] };
-        handle_signals(&core, agent.requests(), stop.clone(), others, None)?;
-        let shared = self.control_run(&agent, &status, emergency_stop);
+        let server = ControlServer::open(self.config.data_folder());
+        let account = fleet::account_of_run(settings)?;
+        let sim = robot.sim.as_ref().map(|sim| sim.robot.clone());
+        let (started, control, _page) = self.assemble(robot, console)?;
         // Only the command line ends a run: a person at the page could not release its STOP.
         let run = control::Run {
-            end: if is_service { None } else { Some(stop.clone()) },
-            ..shared.clone()
+            end: if self.is_service {
+                None
+            } else {
+                Some(started.stop.clone())
+            },
+            ..control.clone()
         };
-        let config = &self.robot.config;
-        let page = self
-            .page
-            .map(|page| live::serve(config, shared.clone(), page, listener, console));
-        let _page = page.transpose()?;
         let mqtt = account.and_then(|account| {
-            let started = mqtt::start(&bus, shared.clone(), account);
+            let started = mqtt::start(&started.bus, control, account);
             // Without it, the run continues.
             started.map_err(|error| tracing::warn!("{error}")).ok()
         });
         let line = StatusLine::new(self.names, sim);
-        let started = StartedRun {
-            agent,
-            status: status.clone(),
-            bus,
-            stop,
-        };
+        let status = started.status.clone();
         let exit = tokio::select! {
             exit = drive(started) => exit,
-            never = show(line, status, console, is_service, String::new) => match never {},
+            never = show(line, status, console, self.is_service, String::new) => match never {},
             never = serve(server, run) => match never {},
         };
         mqtt.map(|mqtt| mqtt.finish(fleet::BROKER_END));
         exit
     }
+}
+
+/// Draws the path of a simulated robot, also of a run that failed or was interrupted, where it is
+/// most useful.
+pub(super) fn with_trace(
+    outcome: Result<Exit, Failure>,
+    trace: Option<TraceFile>,
+    sim: Option<Handle>,
+) -> Result<Exit, Failure> {
+    let drawn = match (trace, sim) {
+        (Some(trace), Some(sim)) => trace.write(&sim),
+        _ => Ok(()),
+    };
+    outcome.and_then(|exit| drawn.map(|()| exit))
 }
 
 /// The exit code for the outcome of a run, or of a service, which behaviours and signals do not

@@ -8,8 +8,9 @@ use super::running::{RemoteArgs, ask, find_run_of_target, order, unexpected_repl
 use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, print, print_json};
+use crate::agent::Change;
 use crate::clock::{self, Span};
-use crate::control::{BehaviourListing, Change, Client, RunRequest, RunResponse};
+use crate::control::{BehaviourListing, Client, RunRequest, RunResponse};
 use crate::link::Target;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
@@ -20,26 +21,30 @@ const HEAD: &str = "BEHAVIOUR|STATE|>RUNNING|>PRIORITY|LAST ENDED";
 #[derive(Debug, Clone, Subcommand)]
 pub(super) enum BehaviourCommand {
     /// List the behaviours of the run with their states
-    List(ListArgs),
+    List {
+        /// Print a JSON array
+        #[arg(long)]
+        json: bool,
+        /// Print only the names, one per line, for shells; omits names with characters other than
+        /// letters, digits, `.`, `_` and `-`
+        #[arg(long, conflicts_with = "json")]
+        names: bool,
+        #[command(flatten)]
+        which: WhichArgs,
+    },
     /// Start a behaviour that is not running
-    Start(StartArgs),
+    Start {
+        /// End the behaviour after this time, in seconds or such as 30m or 1h30m, if it has not
+        /// ended before
+        #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
+        lasts: Option<Span>,
+        #[command(flatten)]
+        name: NameArgs,
+    },
     /// End a behaviour; it is not restarted
     Stop(NameArgs),
     /// End a behaviour if it is running, then start it from the current version of its file
     Restart(NameArgs),
-}
-
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct ListArgs {
-    /// Print a JSON array
-    #[arg(long)]
-    json: bool,
-    /// Print only the names, one per line, for shells; omits names with characters other than
-    /// letters, digits, `.`, `_` and `-`
-    #[arg(long, conflicts_with = "json")]
-    names: bool,
-    #[command(flatten)]
-    which: WhichArgs,
 }
 
 #[derive(Debug, Clone, clap::Args)]
@@ -50,16 +55,6 @@ pub(super) struct NameArgs {
     which: WhichArgs,
 }
 
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct StartArgs {
-    /// End the behaviour after this time, in seconds or such as 30m or 1h30m, if it has not ended
-    /// before
-    #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
-    lasts: Option<Span>,
-    #[command(flatten)]
-    name: NameArgs,
-}
-
 fn parse_duration(text: &str) -> Result<Span, String> {
     match text.parse::<Span>() {
         Ok(span) if span.get().is_zero() => Err("expected a duration above zero".to_owned()),
@@ -68,7 +63,7 @@ fn parse_duration(text: &str) -> Result<Span, String> {
 }
 
 #[derive(Debug, Clone, clap::Args)]
-struct WhichArgs {
+pub(super) struct WhichArgs {
     /// Address of the robot whose run to use [default: the only active run]
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
@@ -79,8 +74,10 @@ struct WhichArgs {
 /// Sends the request to the run and prints the reply.
 pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Result<Exit, Failure> {
     let (args, change, lasts) = match command {
-        BehaviourCommand::List(args) => return list(args, settings),
-        BehaviourCommand::Start(args) => (&args.name, Change::Start, args.lasts),
+        BehaviourCommand::List { json, names, which } => {
+            return list(*json, *names, &which.client(settings)?);
+        }
+        BehaviourCommand::Start { lasts, name } => (name, Change::Start, *lasts),
         BehaviourCommand::Stop(args) => (args, Change::Stop, None),
         BehaviourCommand::Restart(args) => (args, Change::Restart, None),
     };
@@ -103,23 +100,20 @@ pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Res
     Ok(exit)
 }
 
-fn list(args: &ListArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
-    let run = args.which.client(settings)?;
-    let RunResponse::Behaviours { behaviours } =
-        ask(&run, &RunRequest::Behaviours, CHANGE_TIMEOUT)?
+fn list(json: bool, only_names: bool, run: &Client) -> Result<Exit, Failure> {
+    let RunResponse::Behaviours { behaviours } = ask(run, &RunRequest::Behaviours, CHANGE_TIMEOUT)?
     else {
         return Err(unexpected_reply());
     };
-    if args.json {
-        print_json(&behaviours)?;
-    } else if args.names {
+    if json {
+        print_json(&behaviours)
+    } else if only_names {
         let names = behaviours.iter().map(|one| one.name.as_str());
         let plain = names.filter(|name| is_plain(name));
-        print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
+        print(&plain.map(|name| format!("{name}\n")).collect::<String>())
     } else {
-        print(&aligned(HEAD, behaviours.iter().map(row)))?;
+        print(&aligned(HEAD, behaviours.iter().map(row)))
     }
-    Ok(Exit::Done)
 }
 
 impl WhichArgs {

@@ -102,14 +102,12 @@ impl BehaviourLoader<'_> {
                 .config
                 .script(name, entry.file.display().to_string(), seed)
         };
-        let folder = entry.file.parent().unwrap_or(Path::new(""));
-        let library = Library::new(folder.to_owned());
         Ok(Behaviour {
             priority: entry.priority,
             launch: Launch {
                 source,
                 options,
-                library,
+                library: Library::beside(&entry.file),
             },
             restart: self.restart.unwrap_or(entry.restart),
             checked: self.watch && self.checked,
@@ -120,23 +118,17 @@ impl BehaviourLoader<'_> {
 
 /// The same behaviour with its file read again at each start.
 fn spec(behaviour: &Behaviour, file: PathBuf, checked: bool) -> BehaviourSpec {
-    let priority = behaviour.priority;
-    let restart = behaviour.restart;
-    let launch = behaviour.launch.clone();
-    BehaviourSpec::new(launch.options.name.clone(), priority, move || {
-        let source = behaviour::read_source(&file).map_err(|error| {
+    let name = behaviour.launch.options.name.clone();
+    let first = Behaviour {
+        checked,
+        ..behaviour.again()
+    };
+    BehaviourSpec::new(name, first.priority, move || {
+        let mut again = first.again();
+        again.launch.source = behaviour::read_source(&file).map_err(|error| {
             RosterError::CannotLoad(format!("cannot read {}: {error}", file.display()))
         })?;
-        Ok(Behaviour {
-            priority,
-            launch: Launch {
-                source,
-                ..launch.clone()
-            },
-            checked,
-            restart,
-            reloads: None,
-        })
+        Ok(again)
     })
 }
 
@@ -189,11 +181,8 @@ fn unique(name: String, names: &mut Vec<String>) -> String {
 /// Reads a script; the error has help for the user.
 pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
     behaviour::read_source(path).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
+        Failure::unreadable_file("the behaviour", path, error)
+            .help("ready-made behaviours are in behaviours/")
     })
 }
 

@@ -78,12 +78,8 @@ const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x24
 /// Reads a file, at most one byte more than the maximum length of a JPEG, so that a longer one can
 /// be reported as too long.
 pub(super) fn read_picture(path: &Path) -> Result<Vec<u8>, Failure> {
-    files::read_beginning(path, MAX_JPEG_LEN as u64 + 1).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the picture {}: {error}",
-            path.display()
-        ))
-    })
+    files::read_beginning(path, MAX_JPEG_LEN as u64 + 1)
+        .map_err(|error| Failure::unreadable_file("the picture", path, error))
 }
 
 /// The failure for a file that is not a usable picture.

@@ -60,8 +60,7 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
             lines.replace(BEHAVIOURS, &format!("({ASK})"))
         }
         _ => text.into_owned(),
-    })?;
-    Ok(Exit::Done)
+    })
 }
 
 /// Adds the names of the built-in worlds and of the lessons to all arguments that take one.

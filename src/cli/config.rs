@@ -58,18 +58,14 @@ pub(super) fn run(
         Action::Check { file } => check(&file.clone().unwrap_or_else(|| settings.path()), console),
         Action::Schedule(args) => schedule(args, settings),
         Action::TestNotify(args) => notify::run(args, settings),
-        Action::Schema => {
-            print(&format!("{:#}\n", config::schema()))?;
-            Ok(Exit::Done)
-        }
+        Action::Schema => print(&format!("{:#}\n", config::schema())),
     }
 }
 
 fn check(file: &Path, console: &Console) -> Result<Exit, Failure> {
     let config = Config::load(file).map_err(|error| Failure::new(Exit::Check, error))?;
     check_config(file, &config, console)?;
-    print(&format!("{}: valid\n", file.display()))?;
-    Ok(Exit::Done)
+    print(&format!("{}: valid\n", file.display()))
 }
 
 fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -81,8 +77,7 @@ fn show(origin: bool, json: bool, settings: &CommandSettings) -> Result<Exit, Fa
             .iter()
             .map(|setting| line(setting, origin))
             .collect()
-    })?;
-    Ok(Exit::Done)
+    })
 }
 
 fn line(setting: &Setting, origin: bool) -> String {
@@ -129,23 +124,20 @@ fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Fai
     let starts = predict_starts(&table, &names(config), now, usize::from(args.next));
     if args.json {
         let starts: Vec<Json> = starts.iter().map(|one| object(one, &table.zone)).collect();
-        print_json(&starts)?;
-        return Ok(Exit::Done);
+        return print_json(&starts);
     }
     if !clock::is_plausible(now) {
         tracing::warn!("this computer's clock is not set: a service waits until it is");
     }
     if starts.is_empty() {
-        print(&match settings.file() {
+        return print(&match settings.file() {
             Some(file) => format!("{} has no `schedule:`\n", file.display()),
             None => "no config named, no spykee.yaml here: there is no `schedule:`\n".to_owned(),
-        })?;
-        return Ok(Exit::Done);
+        });
     }
     let rows = starts.iter().map(|one| row(one, &table.zone));
     print(&aligned("WHEN|BEHAVIOUR|UNTIL|", rows))?;
-    print(&format!("times in {}\n", table.zone))?;
-    Ok(Exit::Done)
+    print(&format!("times in {}\n", table.zone))
 }
 
 fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {

@@ -3,14 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
-use super::driver::DriverParts;
 use super::settings::CommandSettings;
-use super::startup::{refuse_if_stopped, rescue};
+use super::startup::{driving_core, heartbeat, launcher, refuse_if_stopped, rescue};
 use super::world::{EmbeddedSim, load};
 use super::{Failure, secret};
+use crate::agent::{Bus, PilotPlan};
 use crate::config::{Config, Effective};
+use crate::guardian::GuardianFiles;
 use crate::link::{self, LinkError, Session, Target};
-use crate::pilot::Connector;
+use crate::pilot::{Connector, DrivingCore};
 use crate::sim::{self, World};
 use crate::wire::{Command, Login};
 
@@ -190,17 +191,37 @@ impl RobotTarget {
         connector(self.address.clone(), self.login.clone())
     }
 
-    /// The parts needed to drive the robot.
+    /// How to drive the robot on this core, with a guardian that uses these files.
     ///
     /// # Errors
-    /// A person's STOP holds; the rescue behaviour of the config cannot be read.
-    pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
-        refuse_if_stopped(&self.config, self.sim.is_some())?;
-        Ok(DriverParts {
+    /// The guardian cannot be started; the rescue behaviour of the config cannot be read.
+    pub(super) fn pilot_plan(
+        &self,
+        core: &DrivingCore,
+        files: GuardianFiles,
+        seed: u64,
+    ) -> Result<PilotPlan, Failure> {
+        let simulated = self.sim.is_some();
+        Ok(PilotPlan {
+            settings: self.config.pilot(simulated, seed),
             connector: self.connector(),
-            settings: self.config.pilot(self.sim.is_some(), seed),
+            launcher: launcher()?,
+            core: core.handle().clone(),
             rescue: rescue(&self.config, seed)?,
+            heartbeat: Some(heartbeat(simulated, files)?),
+            bus: Bus::default(),
         })
+    }
+
+    /// The same for a tool, on a core of its own, which must outlive the pilot.
+    ///
+    /// # Errors
+    /// Also if a person's STOP holds.
+    pub(super) fn driver_plan(&self, seed: u64) -> Result<(DrivingCore, PilotPlan), Failure> {
+        refuse_if_stopped(&self.config, self.sim.is_some())?;
+        let core = driving_core()?;
+        let plan = self.pilot_plan(&core, GuardianFiles::default(), seed)?;
+        Ok((core, plan))
     }
 }
 

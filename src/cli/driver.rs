@@ -1,32 +1,20 @@
 //! Manual driving: the pilot and its watchdog as in a run, with this program in place of a
 //! behaviour. The same safety rules apply: low battery, station, dead link.
 
-use std::time::Duration;
-
-use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
+use super::connection::RobotTarget;
 use super::interrupt::handle_signals;
-use super::startup::{driving_core, heartbeat, launcher};
-use super::{Exit, Failure};
-use crate::agent::{AgentError, PilotClient, PilotClientError, PilotSetup, RunningPilot};
-use crate::behaviour::Launch;
-use crate::guardian::GuardianFiles;
-use crate::pilot::{Connector, Heartbeat, Settings, Status};
-use crate::robot::channel::{Request, Role};
-use crate::robot::{
-    BehaviourId, DockEnd, DockOutcome, DockPlan, Intent, MotionEnd, Pictures, Priority, Setpoint,
+use super::{Exit, Failure, block_on};
+use crate::agent::{
+    AgentError, PilotClient, PilotClientError, PilotPlan, PilotSetup, RunningPilot,
 };
-use crate::wire::Stream;
+use crate::pilot::Status;
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, Pictures, Priority};
 
 const DRIVER_ID: BehaviourId = BehaviourId(0);
-
-pub(super) struct DriverParts {
-    pub(super) connector: Connector,
-    pub(super) settings: Settings,
-    pub(super) rescue: Option<Launch>,
-}
 
 /// Drives the robot through a client of the pilot.
 pub(super) struct Driver {
@@ -37,27 +25,29 @@ pub(super) struct Driver {
     pilot: RunningPilot,
 }
 
-/// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
-/// terminating signal ends the job; Ctrl-Z stops the robot, then suspends the program. If the
-/// battery is low, stays connected until the robot is on its station, unless a signal arrives.
-pub(super) async fn drive(
-    parts: DriverParts,
+/// Lets `job` drive this robot: see [`drive`].
+///
+/// # Errors
+/// A person's STOP holds, the robot cannot be reached, or the job fails.
+pub(super) fn drive_target(
+    target: &RobotTarget,
+    seed: u64,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let core = driving_core()?;
-    let heartbeat = heartbeat(parts.settings.simulated, GuardianFiles::default())?;
-    drive_on(core.handle(), Some(heartbeat), parts, job).await
+    let (_core, plan) = target.driver_plan(seed)?;
+    block_on(drive(plan, job))?
 }
 
-/// The same on this runtime; in virtual time without a heartbeat, and then without signals.
-pub(super) async fn drive_on(
-    core: &runtime::Handle,
-    heartbeat: Option<Heartbeat>,
-    parts: DriverParts,
+/// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
+/// terminating signal ends the job, except in virtual time; Ctrl-Z stops the robot, then suspends
+/// the program. If the battery is low, stays connected until the robot is on its station, unless a
+/// signal arrives.
+pub(super) async fn drive(
+    plan: PilotPlan,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let mut driver = Driver::launch(parts, core, heartbeat, &stop)?;
+    let mut driver = Driver::launch(plan, &stop)?;
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
@@ -84,20 +74,12 @@ async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = 
 }
 
 impl Driver {
-    fn launch(
-        parts: DriverParts,
-        core: &runtime::Handle,
-        heartbeat: Option<Heartbeat>,
-        stop: &CancellationToken,
-    ) -> Result<Driver, Failure> {
-        let is_real_time = heartbeat.is_some();
-        let mut setup = PilotSetup::new(parts.settings, parts.connector, core.clone(), heartbeat);
+    fn launch(plan: PilotPlan, stop: &CancellationToken) -> Result<Driver, Failure> {
+        let signals_on = plan.heartbeat.as_ref().map(|_| plan.core.clone());
+        let setup = PilotSetup::new(plan);
         let requests = setup.requests();
-        if is_real_time {
-            handle_signals(core, requests.clone(), stop.clone(), &[], None)?;
-        }
-        if let Some(rescue) = parts.rescue {
-            setup.stand_by(launcher()?, rescue);
+        if let Some(core) = signals_on {
+            handle_signals(&core, requests.clone(), stop.clone(), &[], None)?;
         }
         Ok(Driver {
             requests,
@@ -127,57 +109,22 @@ impl Driver {
         self.pilot.status()
     }
 
-    /// The camera's pictures, while [`Driver::show`] has them on.
+    /// The camera's pictures, while the robot sends them.
     pub(super) fn frames(&self) -> watch::Receiver<Pictures> {
         self.frames.clone()
-    }
-
-    pub(super) async fn show(&mut self, on: bool) -> Result<(), Failure> {
-        let stream = Stream::Video;
-        let asked = self
-            .pilot_client()?
-            .send_intent(Intent::Stream { stream, on });
-        let asked = asked.await;
-        self.answered(asked).await
     }
 
     pub(super) async fn connected(&mut self) -> Result<(), Failure> {
         self.pilot.connected().await.map_err(failed)
     }
 
-    /// Drives for this long and returns how the motion ended.
-    pub(super) async fn run(
+    /// Has the pilot carry out a request, and returns its answer.
+    pub(super) async fn ask<T>(
         &mut self,
-        setpoint: Setpoint,
-        duration: Duration,
-    ) -> Result<MotionEnd, Failure> {
-        let end = self.pilot_client()?.run(setpoint, duration).await;
-        self.answered(end).await
-    }
-
-    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<DockOutcome, Failure> {
-        let end = self.pilot_client()?.dock(plan).await;
-        self.answered(end).await
-    }
-
-    pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        let end = self.pilot_client()?.undock(timeout).await;
-        self.answered(end).await
-    }
-
-    /// Plays samples on the robot's speaker: s16 little-endian, mono, 16 kHz.
-    pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
-        let end = self.pilot_client()?.say(samples).await;
-        self.answered(end).await
-    }
-
-    fn pilot_client(&mut self) -> Result<&mut PilotClient, Failure> {
+        request: impl AsyncFnOnce(&mut PilotClient) -> Result<T, PilotClientError>,
+    ) -> Result<T, Failure> {
         let broken = || failed(AgentError::Broken("the pilot"));
-        self.client.as_mut().ok_or_else(broken)
-    }
-
-    async fn answered<T>(&mut self, answer: Result<T, PilotClientError>) -> Result<T, Failure> {
-        match answer {
+        match request(self.client.as_mut().ok_or_else(broken)?).await {
             Ok(answer) => Ok(answer),
             Err(error) => Err(self.refused(error).await),
         }

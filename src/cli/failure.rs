@@ -64,6 +64,12 @@ impl Failure {
         Failure::usage(format_args!("cannot read {}: {error}", path.display()))
     }
 
+    /// The same with the kind of file, such as `the picture`.
+    pub fn unreadable_file(kind: &str, path: &Path, error: impl Display) -> Failure {
+        let path = path.display();
+        Failure::usage(format_args!("cannot read {kind} {path}: {error}"))
+    }
+
     /// An output file that cannot be written.
     pub fn unwritable(path: &Path, error: impl Display) -> Failure {
         Failure::io(format_args!("write {}", path.display()), error)

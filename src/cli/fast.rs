@@ -13,101 +13,118 @@ use tokio::sync::{oneshot, watch};
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
-use super::assembly::zone;
+use super::assembly::{RunRobot, RunSetup, StartedRun, with_trace, zone};
 use super::interrupt::TerminatingSignals;
 use super::startup::runtime;
 use super::status::{StatusLine, show};
 use super::{Console, Exit, Failure};
 use crate::agent::AgentError;
-use crate::clock::{Date, hours};
-use crate::config::Config;
+use crate::clock::hours;
+use crate::control::{EmergencyStop, SimulatedRobot};
 use crate::journal::{self, SimulationJournal};
 use crate::pilot::Status;
 use crate::script;
 use crate::sim::{Handle, World};
-use crate::simulation::{self, Recorder, Simulation};
+use crate::simulation::{self, Recorder, SimClock, Simulation};
 
 /// A script that cannot be interrupted for this long ends the run.
 const STUCK_LIMIT: Duration = Duration::from_secs(5);
 /// Time limit, in real time, for ending the scripts and the run after a signal.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(10);
 
-pub(super) struct FastSetup<'a> {
-    pub(super) config: &'a Config,
-    pub(super) world: World,
-    /// What the config and the further fields do not say.
-    pub(super) options: simulation::Options,
-    pub(super) date: Option<Date>,
-    pub(super) events: Option<&'a Path>,
-    /// The beginning of the status line.
-    pub(super) names: String,
-    pub(super) is_service: bool,
-}
-
 /// The view of a simulation from outside: the agent's status and the simulator.
 type SimulationView = (watch::Receiver<Status>, Handle);
 
-impl FastSetup<'_> {
-    /// Has `job` run an agent in the simulation, and logs the speed. The job sends the view of it.
-    pub(super) fn run(
-        self,
-        console: &Console,
-        job: impl AsyncFnOnce(&Simulation, oneshot::Sender<SimulationView>) -> Result<Exit, Failure>
-        + Send
-        + 'static,
-    ) -> Result<Exit, Failure> {
-        let config = self.config;
-        let world = self.world;
-        let events = self.events.map(EventFile::create).transpose()?;
-        let options = simulation::Options {
-            limits: config.watchdog.clone(),
-            streams: config.streams,
-            events: events.as_ref().map(EventFile::recorder),
-            date: self.date.map(|date| date.at(&zone(true, config))),
-            ..self.options
+/// Has `drive` run the agent of this setup in a simulation of this world, and logs the speed.
+pub(super) fn run(
+    setup: RunSetup,
+    world: World,
+    console: &Console,
+    drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure> + Send + 'static,
+) -> Result<Exit, Failure> {
+    let config = &setup.config;
+    let events = setup.events.as_deref().map(EventFile::create).transpose()?;
+    let options = simulation::Options {
+        seed: setup.sim_options.seed,
+        sim: setup.sim_options.clone(),
+        limits: config.watchdog.clone(),
+        streams: config.streams,
+        events: events.as_ref().map(EventFile::recorder),
+        date: setup.date.map(|date| date.at(&zone(true, config))),
+        sim_clock: setup.page.as_ref().map(|_| SimClock::default()),
+        ..simulation::Options::default()
+    };
+    let runtime = runtime()?;
+    let began = Instant::now();
+    let stop = options.stop.clone();
+    let names = setup.names.clone();
+    let is_service = setup.is_service;
+    let (opened, view) = oneshot::channel();
+    let shown = console.clone();
+    let simulate = move || {
+        simulation::run(world, options, async move |simulation: &Simulation| {
+            let exit = run_agent(setup, simulation, opened, &shown, drive).await;
+            (exit, simulation.now())
+        })
+    };
+    let showing = async {
+        let Ok((status, sim)) = view.await else {
+            return std::future::pending().await;
         };
-        let runtime = runtime()?;
-        let began = Instant::now();
-        let stop = options.stop.clone();
-        let bus = options.bus.clone();
-        // By default, fast runs are not mixed with the history of real runs.
-        let keeps_journal = config.journal.record == journal::When::On;
-        let recorded = keeps_journal.then(|| config.clone());
-        let (opened, view) = oneshot::channel();
-        let simulate = move || {
-            simulation::run(world, options, async |simulation: &Simulation| {
-                let journal = recorded.map(|config| {
-                    let about = journal::RunInfo {
-                        target: "a simulated robot".to_owned(),
-                        simulated: true,
-                    };
-                    SimulationJournal::start(&bus, config.data_folder(), config.journal, about)
-                });
-                let exit = job(simulation, opened).await;
-                if let Some(journal) = journal {
-                    journal.finish().await;
-                }
-                (exit, simulation.now())
-            })
+        let prefix = || {
+            let simulated = sim.state().time;
+            let factor = factor(simulated, began.elapsed());
+            format!("{} ({factor:.0}x) · ", hours(simulated))
         };
-        let showing = async {
-            let Ok((status, sim)) = view.await else {
-                return std::future::pending().await;
-            };
-            let prefix = || {
-                let simulated = sim.state().time;
-                let factor = factor(simulated, began.elapsed());
-                format!("{} ({factor:.0}x) · ", hours(simulated))
-            };
-            let line = StatusLine::new(self.names, Some(sim.clone()));
-            show(line, status, console, self.is_service, prefix).await
+        let line = StatusLine::new(names, Some(sim.clone()));
+        show(line, status, console, is_service, prefix).await
+    };
+    let watched = watch_over(simulate, stop, showing, console);
+    let (exit, simulated) = runtime.block_on(watched)?;
+    tracing::info!("{}", summary(simulated, began.elapsed()));
+    events.map_or(Ok(()), EventFile::finish)?;
+    exit
+}
+
+/// Runs the agent within the simulation, of which it sends the view.
+async fn run_agent(
+    mut setup: RunSetup,
+    simulation: &Simulation,
+    opened: oneshot::Sender<SimulationView>,
+    console: &Console,
+    drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
+    let sim = simulation.sim().clone();
+    let robot = RunRobot {
+        pilot: simulation.plan(Vec::new()).pilot,
+        target: "a simulation".to_owned(),
+        sim: Some(SimulatedRobot {
+            robot: sim.clone(),
+            sim_clock: simulation.sim_clock(),
+        }),
+        emergency_stop: EmergencyStop::default(),
+        stop: simulation.stop(),
+    };
+    let config = &setup.config;
+    // By default, fast runs are not mixed with the history of real runs.
+    let journal = if setup.keeps_journal() {
+        let about = journal::RunInfo {
+            target: "a simulated robot".to_owned(),
+            simulated: true,
         };
-        let watched = watch_over(simulate, stop, showing, console);
-        let (exit, simulated) = runtime.block_on(watched)?;
-        tracing::info!("{}", summary(simulated, began.elapsed()));
-        events.map_or(Ok(()), EventFile::finish)?;
-        exit
+        let bus = &robot.pilot.bus;
+        let data = config.data_folder();
+        Some(SimulationJournal::start(bus, data, config.journal, about))
+    } else {
+        None
+    };
+    let (started, _control, _page) = setup.assemble(robot, console)?;
+    let _ = opened.send((started.status.clone(), sim.clone()));
+    let exit = drive(started).await;
+    if let Some(journal) = journal {
+        journal.finish().await;
     }
+    with_trace(exit, setup.trace, Some(sim))
 }
 
 /// Runs a simulation on its own thread, shows its progress, and ends it at a signal.

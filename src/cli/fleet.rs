@@ -92,18 +92,17 @@ fn unreachable(error: String) -> Failure {
 fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
     let found: Vec<&Found> = fleet.found().collect();
     if as_json {
-        print_json(&found)?;
+        print_json(&found)
     } else if found.is_empty() {
-        print("no robot has ever connected to this broker\n")?;
+        print("no robot has ever connected to this broker\n")
     } else {
-        print(&aligned(HEAD, found.into_iter().map(row)))?;
+        print(&aligned(HEAD, found.into_iter().map(row)))
     }
-    Ok(Exit::Done)
 }
 
 /// A table row. Shows the state only of online robots: the last state of others may be out of date.
 fn row(found: &Found) -> Vec<String> {
-    let mut row = vec![found.robot.clone(), found.presence.word().to_owned()];
+    let mut row = vec![found.robot.clone(), found.presence.name().to_owned()];
     if found.presence == Presence::Online {
         let text = |key: &str| found.state[key].as_str().unwrap_or("-").to_owned();
         let battery = found.state["battery"].as_u64();
@@ -138,7 +137,7 @@ async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Res
             None if presence == Presence::Online => {
                 Some(format!("no answer within {} s", REPLY_TIMEOUT.as_secs()))
             }
-            None => Some(format!("not asked, it is {}", presence.word())),
+            None => Some(format!("not asked, it is {}", presence.name())),
         };
         if problem.is_some() {
             exit = Exit::Check;
@@ -188,10 +187,7 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     let password = secret::from_optional_file(file, settings.found_file())?;
     let certificates = |path: &PathBuf| {
         files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
-            Failure::usage(format_args!(
-                "cannot read the certificates {} (mqtt.ca_file): {error}",
-                path.display()
-            ))
+            Failure::unreadable_file("the certificates (mqtt.ca_file)", path, error)
         })
     };
     let ca = options.ca_file.as_ref().map(certificates).transpose()?;

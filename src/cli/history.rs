@@ -179,18 +179,16 @@ fn list(
         tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
-        print_json(&records)?;
-        return Ok(Exit::Done);
+        return print_json(&records);
     }
     let view = view(args.topic, &records, zone);
     if args.csv {
-        print(&view.csv())?;
+        print(&view.csv())
     } else if view.is_empty() {
-        print("the journal has no such entries\n")?;
+        print("the journal has no such entries\n")
     } else {
-        print(&view.table())?;
+        print(&view.table())
     }
-    Ok(Exit::Done)
 }
 
 fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {

@@ -41,6 +41,18 @@ pub(super) fn interruption() -> Result<impl Future<Output = ()> + Send, Failure>
     Ok(async move { signals.next().await })
 }
 
+/// The result of the work; `None`: a terminating signal came first.
+pub(super) async fn unless_interrupted<T>(
+    work: impl Future<Output = T>,
+) -> Result<Option<T>, Failure> {
+    let interrupted = interruption()?;
+    Ok(tokio::select! {
+        biased;
+        () = interrupted => None,
+        done = work => Some(done),
+    })
+}
+
 /// A listener for the signals that terminate a program by default.
 pub(super) struct TerminatingSignals(Vec<Signal>);
 

@@ -53,8 +53,7 @@ fn list() -> Result<Exit, Failure> {
     print(&format!(
         "{}\nStart one with: spykee lesson start 1\n",
         aligned(">LESSON|TITLE|YOU LEARN", Lesson::all().iter().map(row))
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 /// The names of the lessons, for shells to complete.
@@ -95,6 +94,5 @@ fn start(lesson: &Lesson, folder: Option<PathBuf>) -> Result<Exit, Failure> {
     print(&format!(
         "Lesson {number}, {title}, is in {shown}: read README.md, then edit {file}.\n\n\
          next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"
-    ))?;
-    Ok(Exit::Done)
+    ))
 }

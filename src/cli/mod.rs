@@ -392,20 +392,20 @@ thread_local! {
 }
 
 /// Writes text to stdout, without control sequences that could affect a terminal. A closed pipe is
-/// not an error.
-fn print(text: &str) -> Result<(), Failure> {
+/// not an error. Returns the exit code of a command that has done its work with that.
+fn print(text: &str) -> Result<Exit, Failure> {
     print_coloured(text, false)
 }
 
 /// Prints a value as JSON on a line.
-fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+fn print_json(value: &impl Serialize) -> Result<Exit, Failure> {
     let text = serde_json::to_string(value).map_err(Failure::internal)?;
     print(&format!("{text}\n"))
 }
 
 /// Like [`print`], but with `colour` keeps the sequences that set colours: the caller must already
 /// have cleaned all text from outside.
-fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
+fn print_coloured(text: &str, colour: bool) -> Result<Exit, Failure> {
     let text = sanitize::text(text, colour);
     let is_collected = COLLECTED_STDOUT.with_borrow_mut(|collected| {
         if let Some(collected) = collected {
@@ -414,13 +414,13 @@ fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
         collected.is_some()
     });
     if is_collected {
-        return Ok(());
+        return Ok(Exit::Done);
     }
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Failure::io("write to stdout", error))
         }
-        _ => Ok(()),
+        _ => Ok(Exit::Done),
     }
 }

@@ -76,8 +76,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     print(&format!(
         "created {shown}\n\nnext:\n  cd {shown}\n  spykee run {}.lua --sim\n",
         args.name
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 /// Creates a folder with these files. Does not change an existing one, and then says what to do

@@ -88,12 +88,8 @@ fn example_in(folder: &Path) -> Result<PathBuf, Failure> {
 }
 
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
-    path.canonicalize().map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the picture {}: {error}",
-            path.display()
-        ))
-    })
+    path.canonicalize()
+        .map_err(|error| Failure::unreadable_file("the picture", path, error))
 }
 
 fn chosen<'a>(

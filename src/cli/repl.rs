@@ -7,6 +7,7 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use tokio::runtime::Handle;
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
@@ -14,9 +15,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{Terminal, handle_signals, listen};
 use super::settings::CommandSettings;
-use super::startup::{driving_core, guardian_files, heartbeat, launcher, runtime};
+use super::startup::{driving_core, guardian_files, refuse_if_stopped, runtime};
 use super::{ConnectionArgs, Console, Exit, Failure};
-use crate::agent::{AgentError, PilotSetup, ReplError, ReplSession};
+use crate::agent::{AgentError, PilotSetup, ReplError, run_repl};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
@@ -55,28 +56,19 @@ pub(super) fn run(
     settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.connection.resolve(settings, seed)?;
-    let runtime = runtime()?;
-    let parts = target.driver_parts(seed)?;
-    let core = driving_core()?;
     let config = &target.config;
+    refuse_if_stopped(config, target.sim.is_some())?;
+    let runtime = runtime()?;
+    let core = driving_core()?;
     let files = GuardianFiles {
         stop_socket: None,
         ..guardian_files(config)
     };
-    let heartbeat = Some(heartbeat(target.sim.is_some(), files)?);
-    let repl_session = ReplSession {
-        launch: launch(config, seed)?,
-        launcher: launcher()?,
-        setup: PilotSetup::new(
-            parts.settings,
-            parts.connector,
-            core.handle().clone(),
-            heartbeat,
-        ),
-        rescue: parts.rescue,
-    };
+    let launch = launch(config, seed)?;
+    let setup = PilotSetup::new(target.pilot_plan(&core, files, seed)?);
     let terminal = Terminal::current();
-    let outcome = runtime.block_on(run_session(repl_session, &terminal, console));
+    let session = run_session(launch, setup, core.handle(), &terminal, console);
+    let outcome = runtime.block_on(session);
     drop(core);
     console.redirect(None);
     terminal.restore();
@@ -100,26 +92,26 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
 }
 
 async fn run_session(
-    repl_session: ReplSession,
+    launch: Launch,
+    setup: PilotSetup,
+    core: &Handle,
     terminal: &Terminal,
     console: &Console,
 ) -> Result<Exit, Failure> {
     let (commands, inbox) = mpsc::channel(16);
     let (message_sender, mut messages) = mpsc::channel(64);
-    let (typed_sender, mut typed) = mpsc::channel(1);
-    let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
-    let core = repl_session.setup.core().clone();
-    let requests = repl_session.setup.requests();
+    let requests = setup.requests();
     let mut interruption = if interactive {
         let original = Some(terminal.clone());
-        handle_signals(&core, requests, stop.clone(), &[libc::SIGINT], original)?;
+        handle_signals(core, requests, stop.clone(), &[libc::SIGINT], original)?;
         Some(listen(libc::SIGINT)?)
     } else {
-        handle_signals(&core, requests, stop.clone(), &[], None)?;
+        handle_signals(core, requests, stop.clone(), &[], None)?;
         None
     };
+    let (to_editor, mut typed) = start_editor(console)?;
     let mut repl = Repl {
         commands: Some(commands),
         to_editor,
@@ -130,12 +122,8 @@ async fn run_session(
         failed: false,
         terminal_due: None,
     };
-    let console = console.clone();
-    let thread = std::thread::Builder::new().name("editor".into());
-    thread
-        .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
-        .map_err(|error| Failure::io("start the prompt", error))?;
-    let mut session = std::pin::pin!(repl_session.run(inbox, message_sender, stop.clone()));
+    let session = run_repl(launch, setup, inbox, message_sender, stop.clone());
+    let mut session = std::pin::pin!(session);
     loop {
         tokio::select! {
             biased;
@@ -150,6 +138,20 @@ async fn run_session(
             },
         }
     }
+}
+
+/// Starts the prompt on its own thread.
+fn start_editor(
+    console: &Console,
+) -> Result<(mpsc::Sender<EditorCommand>, mpsc::Receiver<Typed>), Failure> {
+    let (sender, typed) = mpsc::channel(1);
+    let (to_editor, commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
+    let console = console.clone();
+    let thread = std::thread::Builder::new().name("editor".into());
+    thread
+        .spawn(move || editor::serve(&sender, commands, &console))
+        .map_err(|error| Failure::io("start the prompt", error))?;
+    Ok((to_editor, typed))
 }
 
 async fn next(signal: &mut Option<Signal>) {

@@ -8,8 +8,7 @@ use tokio::sync::watch;
 
 use super::assembly::{RunSetup, clock, exit_of, zone};
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, Param};
-use super::connection::{ChosenRobot, RobotTarget, no_robot};
-use super::fast::FastSetup;
+use super::connection::{ChosenRobot, no_robot};
 use super::settings::CommandSettings;
 use super::sim::FirmwareArgs;
 use super::world::TraceFile;
@@ -17,14 +16,9 @@ use super::{ConnectionArgs, Console, Exit, Failure, argument, check, live};
 use crate::agent::Behaviour;
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Date, Span};
-use crate::config::{Config, Effective, Entry};
-use crate::control::{self, SimulatedRobot};
-use crate::journal;
+use crate::config::{Config, Entry};
 use crate::live::RunDefinition;
-use crate::robot::Streams;
-use crate::sim::{self, World};
-use crate::simulation::{self, Running, SimClock};
-use crate::timetable::View;
+use crate::sim;
 
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
@@ -111,8 +105,8 @@ pub(super) fn run(
     settings: &CommandSettings,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    args.files
-        .extend(args.connection.take_misplaced_behaviour());
+    let misplaced = args.connection.take_misplaced_behaviour();
+    args.files.extend(misplaced);
     let mut config = settings.config()?.clone();
     if let Some(address) = args.live {
         config.live.listen = Some(address.unwrap_or(config.live.address()));
@@ -120,20 +114,11 @@ pub(super) fn run(
     let robot = args.connection.choose(&mut config)?;
     settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loaded = load(&args, settings, &config, seed)?;
-    // With --watch the agent checks each version: a mistake must not end the run.
-    if !args.no_check && !args.watch {
-        check::before_run(&loaded.behaviours, console)?;
-    }
+    let loaded = load(&args, settings, &config, seed, console)?;
     let robot = robot.ok_or_else(no_robot)?;
     refuse_flags_of_simulations(&args, &robot)?;
     let login = args.connection.login.login(settings.load()?)?;
-    if console.is_json() {
-        tracing::info!(seed, "starting");
-    } else {
-        tracing::debug!(seed, "starting");
-    }
-    let trace = args.trace.as_deref().map(TraceFile::create).transpose()?;
+    announce_seed(seed, console);
     let sim_options = sim::Options {
         login,
         seed,
@@ -142,20 +127,36 @@ pub(super) fn run(
         faults: args.live.map(|_| Vec::new()),
         ..sim::Options::default()
     };
-    if args.fast {
-        let behaviours = loaded.behaviours;
-        return fast(
-            &args,
-            &config,
-            robot.into_world()?,
-            behaviours,
-            sim_options,
-            trace,
-            console,
-        );
+    let watches = loaded.watches;
+    let setup = RunSetup {
+        config,
+        sim_options,
+        fast: args.fast,
+        date: args.date,
+        waits: args.wait,
+        names: names(&loaded.behaviours),
+        page: args.live.map(|_| definition(&loaded.behaviours)),
+        behaviours: loaded.behaviours,
+        specs: loaded.specs,
+        limit: args.limit.map(Span::get),
+        trace: args.trace.as_deref().map(TraceFile::create).transpose()?,
+        events: args.events,
+        is_service: false,
+    };
+    setup.run(robot, settings.load()?, console, async move |started| {
+        for (watched, reloads) in watches {
+            tokio::spawn(watched.run(reloads));
+        }
+        exit_of(started.agent.run(started.stop).await, false)
+    })
+}
+
+fn announce_seed(seed: u64, console: &Console) {
+    if console.is_json() {
+        tracing::info!(seed, "starting");
+    } else {
+        tracing::debug!(seed, "starting");
     }
-    let robot = robot.start(config, sim_options)?;
-    in_real_time(&args, settings.load()?, robot, loaded, seed, trace, console)
 }
 
 fn refuse_flags_of_simulations(args: &RunArgs, robot: &ChosenRobot) -> Result<(), Failure> {
@@ -165,44 +166,6 @@ fn refuse_flags_of_simulations(args: &RunArgs, robot: &ChosenRobot) -> Result<()
     robot.refuse_if_real(args.date.is_some(), why)?;
     let why = "--trace needs --sim: it draws a simulation";
     robot.refuse_if_real(args.trace.is_some(), why)
-}
-
-/// Runs on a robot, or on a simulated one inside this program.
-fn in_real_time(
-    args: &RunArgs,
-    settings: &Effective,
-    robot: RobotTarget,
-    loaded: LoadedBehaviours,
-    seed: u64,
-    trace: Option<TraceFile>,
-    console: &Console,
-) -> Result<Exit, Failure> {
-    let LoadedBehaviours {
-        behaviours,
-        specs,
-        watches,
-    } = loaded;
-    let setup = RunSetup {
-        settings,
-        seed,
-        waits: args.wait,
-        keeps_journal: robot.config.journal.record == journal::When::On,
-        clock: clock(args.date, args.fast, &robot.config),
-        names: names(&behaviours),
-        page: args.live.map(|_| definition(&behaviours)),
-        robot,
-        behaviours,
-        specs,
-        limit: args.limit.map(Span::get),
-        trace,
-        service: None,
-    };
-    setup.run(console, async |started| {
-        for (watched, reloads) in watches {
-            tokio::spawn(watched.run(reloads));
-        }
-        exit_of(started.agent.run(started.stop).await, false)
-    })
 }
 
 fn names(behaviours: &[Behaviour]) -> String {
@@ -219,81 +182,12 @@ fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
     watch::channel(RunDefinition { scripts, timetable }).1
 }
 
-/// Runs in virtual time, in this process.
-fn fast(
-    args: &RunArgs,
-    config: &Config,
-    world: World,
-    behaviours: Vec<Behaviour>,
-    sim_options: sim::Options,
-    trace: Option<TraceFile>,
-    console: &Console,
-) -> Result<Exit, Failure> {
-    let sim_clock = args.live.map(|_| SimClock::default());
-    let options = simulation::Options {
-        seed: sim_options.seed,
-        sim: sim_options,
-        sim_clock: sim_clock.clone(),
-        ..simulation::Options::default()
-    };
-    let page = args.live.map(|_| definition(&behaviours));
-    let listener = options.bus.subscribe();
-    let setup = FastSetup {
-        config,
-        world,
-        options,
-        date: args.date,
-        events: args.events.as_deref(),
-        names: names(&behaviours),
-        is_service: false,
-    };
-    let limit = args.limit.map(Span::get);
-    let config = config.clone();
-    let shown = console.clone();
-    setup.run(console, async move |simulation, opened| {
-        let sim = simulation.sim();
-        let run = simulation.start(behaviours, limit);
-        let simulated = SimulatedRobot {
-            robot: sim.clone(),
-            sim_clock,
-        };
-        let handle = run_handle(&run, config.streams, simulated);
-        let page = page.map(|page| live::serve(&config, handle, page, listener, &shown));
-        let _page = page.transpose()?;
-        let _ = opened.send((run.status(), sim.clone()));
-        let outcome = run.outcome().await;
-        if let Some(Err(failure)) = trace.map(|trace| trace.write(sim)) {
-            tracing::error!("{}", failure.report());
-        }
-        exit_of(outcome, false)
-    })
-}
-
-/// The handle through which the page accesses the run.
-fn run_handle(run: &Running, streams: Streams, sim: SimulatedRobot) -> control::Run {
-    control::Run {
-        requests: run.requests(),
-        roster: run.roster(),
-        status: run.status(),
-        pictures: run.pictures(),
-        reactions: run.reactions(),
-        end: None,
-        emergency_stop: control::EmergencyStop::default(),
-        streams,
-        target: "a simulation".to_owned(),
-        simulated: true,
-        sim: Some(sim),
-        began: tokio::time::Instant::now(),
-        // A single run has no timetable.
-        view: View::channel().1,
-    }
-}
-
 fn load(
     args: &RunArgs,
     settings: &CommandSettings,
     config: &Config,
     seed: u64,
+    console: &Console,
 ) -> Result<LoadedBehaviours, Failure> {
     let named = |file: &PathBuf| Entry::new(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
@@ -306,7 +200,7 @@ fn load(
         let failure = Failure::usage("no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    BehaviourLoader {
+    let loader = BehaviourLoader {
         config,
         file: settings.file(),
         params: &args.params,
@@ -317,6 +211,11 @@ fn load(
         seed,
         clock: clock(args.date, args.fast, config),
         zone: zone(args.fast, config),
+    };
+    let loaded = loader.load(&entries)?;
+    // With --watch the agent checks each version: a mistake must not end the run.
+    if !args.no_check && !args.watch {
+        check::before_run(&loaded.behaviours, console)?;
     }
-    .load(&entries)
+    Ok(loaded)
 }

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::interrupt::interruption;
+use super::interrupt::unless_interrupted;
 use super::settings::CommandSettings;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
 use crate::config::ServiceUrl;
@@ -188,17 +188,11 @@ pub(super) fn ask(
     limit: Duration,
 ) -> Result<RunResponse, Failure> {
     let name = run.name();
-    let answer = block_on(async {
-        let interrupted = interruption()?;
-        tokio::select! {
-            biased;
-            () = interrupted => Err(Failure::interrupted()),
-            answer = run.ask(request, limit) => answer.map_err(|error| {
-                Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
-                    .help("`spykee status` lists the active runs")
-            }),
-        }
-    })??;
+    let answer = block_on(unless_interrupted(run.ask(request, limit)))??;
+    let answer = answer.ok_or_else(Failure::interrupted)?.map_err(|error| {
+        Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
+            .help("`spykee status` lists the active runs")
+    })?;
     match answer {
         RunResponse::Offline => {
             let what = format!("the run ({name}) has lost the robot and is reconnecting");

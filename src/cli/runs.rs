@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use super::running::RemoteArgs;
 use super::settings::CommandSettings;
+use super::startup::warn_of_unpaid_stop;
 use super::status::charge;
 use super::table::aligned;
 use super::{Exit, Failure, block_on, print, print_json};
-use crate::clock::{self, Clock, Zone};
+use crate::clock::{self, Zone};
 use crate::control::{self, RunStatus};
-use crate::guardian;
 use crate::robot::Battery;
 
 const HEAD: &str = "ROBOT|STATE|BATTERY|PLACE|>DELAY|>RUNNING|>PROCESS|NEXT START|BEHAVIOURS";
@@ -44,19 +44,16 @@ pub(super) fn run(args: &StatusArgs, settings: &CommandSettings) -> Result<Exit,
             "runs that do not answer: {silent}; are they suspended by Ctrl-Z, or of another version?"
         );
     }
-    if let Some(line) = guardian::unpaid_stop(data, Clock::default().now()) {
-        tracing::warn!("the guardian of an earlier run: {line}");
-    }
+    warn_of_unpaid_stop(config);
     let runs: Vec<RunStatus> = runs.into_iter().map(|run| run.status).collect();
     if args.json {
-        print_json(&runs)?;
+        print_json(&runs)
     } else if runs.is_empty() {
-        print(&format!("no run is active in {}\n", data.display()))?;
+        print(&format!("no run is active in {}\n", data.display()))
     } else {
         let zone = config.zone();
-        print(&aligned(HEAD, runs.iter().map(|run| row(run, &zone))))?;
+        print(&aligned(HEAD, runs.iter().map(|run| row(run, &zone))))
     }
-    Ok(Exit::Done)
 }
 
 fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {

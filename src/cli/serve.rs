@@ -6,24 +6,21 @@ use std::ffi::CString;
 use std::io;
 use std::os::unix::fs::{DirBuilderExt as _, chown};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
-use tokio::sync::{Notify, mpsc, watch};
+use tokio::sync::{mpsc, watch};
 
-use self::service_plan::{LoadedPlan, PlanLoader};
-use super::assembly::{RunSetup, ServiceSetup, clock, exit_of};
-use super::connection::{RobotTarget, no_robot};
-use super::fast::FastSetup;
+use self::service_plan::PlanLoader;
+use super::assembly::{RunSetup, StartedRun, clock, exit_of};
+use super::connection::no_robot;
 use super::interrupt::listen;
 use super::settings::CommandSettings;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::clock::{Date, Span};
-use crate::config::{Config, Effective};
-use crate::journal::When;
-use crate::service::{ManagerNotifier, RecordFile, Service, View};
-use crate::sim::{self, World};
-use crate::simulation;
+use crate::config::Config;
+use crate::live::RunDefinition;
+use crate::service::{ManagerNotifier, RecordFile, Service, ServicePlan};
+use crate::sim;
 
 /// Run a robot permanently: behaviours always on, by timetable or on request
 ///
@@ -87,126 +84,94 @@ pub(super) fn run(
         drop_root(user, config.data_folder())?;
     }
     settings.announce();
-    let seed = args.seed.unwrap_or_else(rand::random);
     let loader = PlanLoader {
-        settings: settings.clone(),
-        checked: !args.no_check,
-        seed,
-        console: console.clone(),
-        clock: clock(args.date, args.fast, &config),
         camera: if simulated { Some(config.camera) } else { None },
-        fast: args.fast,
+        ..plan_loader(args, settings, &config, console)
     };
-    let loaded = loader.load(&config)?;
-    let sim_options = sim::Options {
-        login,
-        seed,
-        ..sim::Options::default()
-    };
-    if args.fast {
-        return fast(
-            args,
-            &config,
-            robot.into_world()?,
-            loaded,
-            sim_options,
-            console,
-        );
-    }
-    let robot = robot.start(config, sim_options)?;
-    in_real_time(args, settings.load()?, robot, loader, loaded, console)
-}
-
-fn in_real_time(
-    args: &ServeArgs,
-    settings: &Effective,
-    robot: RobotTarget,
-    loader: PlanLoader,
-    loaded: LoadedPlan,
-    console: &Console,
-) -> Result<Exit, Failure> {
-    let config = robot.config.clone();
-    let clock = loader.clock;
-    let record = RecordFile::open(config.data_folder());
-    let beats = Arc::new(Notify::new());
-    let (view, seen) = View::channel();
-    let (definition, shown) = watch::channel(loaded.definition.clone());
+    let (service_plan, definition) = loader.load(&config)?;
+    let (definition, shown) = watch::channel(definition);
     let setup = RunSetup {
-        settings,
-        robot,
-        seed: loader.seed,
+        config: config.clone(),
+        sim_options: sim::Options {
+            login,
+            seed: loader.seed,
+            ..sim::Options::default()
+        },
+        fast: args.fast,
+        date: args.date,
         waits: true,
-        keeps_journal: config.journal.record != When::Off,
-        clock,
         names: "serves".to_owned(),
         behaviours: Vec::new(),
-        specs: loaded.service_plan.specs.clone(),
+        specs: service_plan.specs.clone(),
         limit: args.limit.map(Span::get),
-        page: config.live.listen.map(|_| shown),
+        page: if args.fast {
+            None
+        } else {
+            config.live.listen.map(|_| shown)
+        },
         trace: None,
-        service: Some(ServiceSetup {
-            beats: beats.clone(),
-            view: seen,
-        }),
+        events: args.events.clone(),
+        is_service: true,
     };
-    setup.run(console, async |started| {
-        let hangup = listen(libc::SIGHUP)?;
-        let (reload, reloads) = mpsc::channel(1);
-        let notifier = ManagerNotifier::of_environment();
-        let service = Service {
-            agent: started.agent,
-            status: started.status,
-            clock,
-            service_plan: loaded.service_plan.clone(),
-            record,
-            notifier: notifier.clone(),
-            bus: started.bus,
-            view,
-            reloads,
-        };
-        let reloading = loader.reload_on_hangup(hangup, reload, definition, config, loaded);
-        tokio::select! {
-            outcome = service.run(started.stop) => exit_of(outcome, true),
-            never = notifier.pass_on(beats) => match never {},
-            never = reloading => match never {},
-        }
+    setup.run(robot, settings.load()?, console, async move |started| {
+        serve(started, loader, service_plan, definition, config).await
     })
 }
 
-/// Serves days and weeks in a simulation, until the time limit or the first signal.
-fn fast(
+/// The loader of the plan for a real robot.
+fn plan_loader(
     args: &ServeArgs,
+    settings: &CommandSettings,
     config: &Config,
-    world: World,
-    loaded: LoadedPlan,
-    sim_options: sim::Options,
     console: &Console,
+) -> PlanLoader {
+    PlanLoader {
+        settings: settings.clone(),
+        checked: !args.no_check,
+        seed: args.seed.unwrap_or_else(rand::random),
+        console: console.clone(),
+        clock: clock(args.date, args.fast, config),
+        camera: None,
+        fast: args.fast,
+    }
+}
+
+/// Runs the service; in real time with a record for the next one, a manager and reloads.
+async fn serve(
+    started: StartedRun,
+    loader: PlanLoader,
+    service_plan: ServicePlan,
+    definition: watch::Sender<RunDefinition>,
+    config: Config,
 ) -> Result<Exit, Failure> {
-    let seed = sim_options.seed;
-    let options = simulation::Options {
-        seed,
-        sim: sim_options,
-        ..simulation::Options::default()
+    let (reload, reloads) = mpsc::channel(1);
+    let service = Service {
+        agent: started.agent,
+        status: started.status,
+        clock: loader.clock,
+        service_plan,
+        record: RecordFile::default(),
+        notifier: ManagerNotifier::default(),
+        bus: started.bus,
+        view: started.view,
+        reloads,
     };
-    let stop = options.stop.clone();
-    let limit = args.limit.map(Span::get);
-    let setup = FastSetup {
-        config,
-        world,
-        options,
-        date: args.date,
-        events: args.events.as_deref(),
-        names: "serves".to_owned(),
-        is_service: true,
+    if loader.fast {
+        return exit_of(service.run(started.stop).await, true);
+    }
+    let hangup = listen(libc::SIGHUP)?;
+    let notifier = ManagerNotifier::of_environment();
+    let service = Service {
+        record: RecordFile::open(config.data_folder()),
+        notifier: notifier.clone(),
+        ..service
     };
-    setup.run(console, async move |simulation, opened| {
-        let mut plan = simulation.plan(Vec::new());
-        plan.limit = limit;
-        let no_record = RecordFile::default();
-        let service = Service::in_simulation(plan, loaded.service_plan, no_record);
-        let _ = opened.send((service.status.clone(), simulation.sim().clone()));
-        exit_of(service.run(stop).await, true)
-    })
+    let reloading = loader.reload_on_hangup(hangup, reload, definition, config);
+    tokio::select! {
+        outcome = service.run(started.stop) => exit_of(outcome, true),
+        never = notifier.pass_on(started.beats) => match never {},
+        never = reloading => match never {},
+    }
 }
 
 /// If started as root, permanently switches to this user; `root` itself keeps the privileges. Does

@@ -54,10 +54,9 @@ pub(super) struct UnitArgs {
 /// Prints or writes the unit.
 pub(super) fn run(action: &Action) -> Result<Exit, Failure> {
     match action {
-        Action::Print(unit) => print(&unit.text()?)?,
-        Action::Install { unit, to, force } => install(&unit.text()?, &unit.config, to, *force)?,
+        Action::Print(unit) => print(&unit.text()?),
+        Action::Install { unit, to, force } => install(&unit.text()?, &unit.config, to, *force),
     }
-    Ok(Exit::Done)
 }
 
 impl UnitArgs {
@@ -126,7 +125,7 @@ fn user(name: &str) -> Result<String, &'static str> {
     }
 }
 
-fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Failure> {
+fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<Exit, Failure> {
     let mut options = std::fs::OpenOptions::new();
     options.write(true).mode(0o644);
     if force {

@@ -24,12 +24,6 @@ pub(super) struct SimArgs {
     #[command(subcommand)]
     action: Option<WorldAction>,
 
-    #[command(flatten)]
-    server: ServerArgs,
-}
-
-#[derive(Debug, Clone, clap::Args)]
-struct ServerArgs {
     /// World file, or the name of a built-in world [default: living_room]
     #[arg(value_name = "WORLD")]
     world: Option<PathBuf>,
@@ -72,7 +66,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     if let Some(action) = &args.action {
         return world::run(action);
     }
-    let args = &args.server;
     let world = load(args.world.as_deref())?;
     let faults = args.faults.as_deref().map(Fault::load_list).transpose();
     let faults = faults.map_err(|error| {

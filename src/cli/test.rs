@@ -70,6 +70,13 @@ struct TestFile {
     scenario_file: Result<ScenarioFile, ScenarioFileError>,
 }
 
+impl TestFile {
+    fn has(&self, job: &Job<'_>) -> bool {
+        let file = self.scenario_file.as_ref();
+        file.is_ok_and(|file| std::ptr::eq(file, job.file))
+    }
+}
+
 pub(super) fn run(
     args: &TestArgs,
     settings: &CommandSettings,
@@ -98,7 +105,7 @@ pub(super) fn run(
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
     let mut report = Report::new(&test_files, &jobs, pictures);
-    let mut trouble = Ok(());
+    let mut trouble = Ok(Exit::Done);
     let completed = pool.run(&jobs, console, |done: JobResult| {
         report.take(done);
         if live && trouble.is_ok() {
@@ -114,7 +121,7 @@ pub(super) fn run(
     })
 }
 
-fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<(), Failure> {
+fn write_report(args: &TestArgs, report: &mut Report<'_>) -> Result<Exit, Failure> {
     if let Some(path) = &args.junit {
         let written = std::fs::write(path, report::junit(report)?);
         written.map_err(|error| Failure::unwritable(path, error))?;
@@ -162,10 +169,7 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
         format!("{}: {}", file.display(), scenario.name).contains(text)
     };
     let mut jobs = Vec::new();
-    for (file_number, test_file) in test_files.iter().enumerate() {
-        let Ok(file) = &test_file.scenario_file else {
-            continue;
-        };
+    for file in test_files.iter().flat_map(|one| &one.scenario_file) {
         let scenarios = file.scenarios().iter();
         for scenario in scenarios.filter(|one| wanted(file.file(), one)) {
             let seeds = match (args.seed, args.seeds) {
@@ -174,7 +178,6 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
                 (None, None) => scenario.seeds(),
             };
             jobs.extend(seeds.map(|seed| Job {
-                file_number,
                 file,
                 scenario,
                 seed,
@@ -186,11 +189,11 @@ fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<Job<'a>> {
 
 fn list(test_files: &[TestFile], jobs: &[Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
-    for (index, file) in test_files.iter().enumerate() {
+    for file in test_files {
         if let Err(error) = &file.scenario_file {
             return Err(Failure::new(Exit::Check, error));
         }
-        let own = jobs.iter().filter(|job| job.file_number == index);
+        let own = jobs.iter().filter(|job| file.has(job));
         let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
         names.dedup();
         for name in names {
@@ -199,6 +202,5 @@ fn list(test_files: &[TestFile], jobs: &[Job<'_>]) -> Result<Exit, Failure> {
             let _ = writeln!(text, "{}: {}", sanitize::line(&file), sanitize::line(name));
         }
     }
-    print(&text)?;
-    Ok(Exit::Done)
+    print(&text)
 }

@@ -47,10 +47,10 @@ pub(super) fn run(action: &Action, settings: &CommandSettings) -> Result<Exit, F
                 print_coloured(&invitation(address, &token), true)?;
             }
         }
-        Action::List if keys.list().is_empty() => print("there are no tokens\n")?,
+        Action::List if keys.list().is_empty() => return print("there are no tokens\n"),
         Action::List => {
             let row = |key: &Key| vec![key.name.clone(), key.role.name().to_owned()];
-            print(&aligned("NAME|ROLE", keys.list().iter().map(row)))?;
+            return print(&aligned("NAME|ROLE", keys.list().iter().map(row)));
         }
         Action::Revoke { name } => {
             if !keys.revoke(name).map_err(refused)? {

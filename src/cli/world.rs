@@ -3,14 +3,13 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::thread::JoinHandle;
+use std::sync::mpsc;
+use std::time::Duration;
 
-use tokio_util::sync::CancellationToken;
-
-use super::startup::runtime;
 use super::{Exit, Failure, argument, print};
 use crate::link::Target;
 use crate::script::suggestion;
+use crate::side_thread::SideThread;
 use crate::sim::{Handle, Options, Server, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
@@ -58,25 +57,23 @@ fn show(world: Option<&Path>, output: &Path) -> Result<Exit, Failure> {
         "The map of {} is in {}.\n",
         world.name,
         output.display()
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
     let built_in = World::builtin_names().next().unwrap_or_default();
     let name = world.map_or(built_in.into(), Path::to_string_lossy);
     match (World::builtin_yaml(&name), world) {
-        (Some(yaml), _) => print(yaml)?,
+        (Some(yaml), _) => print(yaml),
         (None, Some(path)) => {
             // Refuses to print files that are not worlds.
             World::load(path).map_err(Failure::usage)?;
             let text =
                 std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
-            print(&text)?;
+            print(&text)
         }
-        (None, None) => {}
+        (None, None) => Ok(Exit::Done),
     }
-    Ok(Exit::Done)
 }
 
 /// Loads the world from a file, the built-in one of that name, or the default one.
@@ -109,15 +106,14 @@ fn list() -> Result<Exit, Failure> {
         let about = World::builtin_description(name).unwrap_or_default();
         print(&format!("{name}\n    {about}\n"))?;
     }
-    print("Use one with: spykee run FILE.lua --sim NAME\n")?;
-    Ok(Exit::Done)
+    print("Use one with: spykee run FILE.lua --sim NAME\n")
 }
 
 fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     let mut wrong = Vec::new();
     for path in worlds {
         match World::load(path) {
-            Ok(world) => print(&format!("{}: valid, {}\n", path.display(), world.name))?,
+            Ok(world) => _ = print(&format!("{}: valid, {}\n", path.display(), world.name))?,
             Err(error) => wrong.push(error.to_string()),
         }
     }
@@ -148,35 +144,37 @@ impl TraceFile {
     }
 }
 
+/// How long the end of a simulator may take.
+const END_TIMEOUT: Duration = Duration::from_secs(5);
+
 /// A simulator on its own thread, so that drawing pictures never delays the watchdog, with real
 /// sockets on loopback. Ends when dropped.
 pub(super) struct EmbeddedSim {
     address: SocketAddr,
     handle: Handle,
-    stop: CancellationToken,
-    thread: Option<JoinHandle<()>>,
+    thread: SideThread,
 }
 
 impl EmbeddedSim {
     /// Starts a simulator in this world. Not for callers on a runtime.
     pub(super) fn start(world: World, options: Options) -> Result<EmbeddedSim, Failure> {
+        let (bound, binding) = mpsc::sync_channel(1);
+        let thread = SideThread::start("sim", |stop| async move {
+            let server = match Server::bind(world, options).await {
+                Ok(server) => server,
+                Err(error) => return drop(bound.send(Err(error))),
+            };
+            let _ = bound.send(Ok((server.local_addr(), server.handle())));
+            let _ = stop.run_until_cancelled(server.run()).await;
+        });
         let cannot = |error| Failure::io("start the simulator", error);
-        let runtime = runtime()?;
-        let bound = runtime.block_on(Server::bind(world, options));
-        let server = bound.map_err(cannot)?;
-        let address = server.local_addr();
-        let handle = server.handle();
-        let stop = CancellationToken::new();
-        let stopped = stop.clone();
-        let serve = move || {
-            let _ = runtime.block_on(stopped.run_until_cancelled(server.run()));
-        };
-        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
+        let thread = thread.map_err(cannot)?;
+        let bound = binding.recv().map_err(Failure::internal)?;
+        let (address, handle) = bound.map_err(cannot)?;
         Ok(EmbeddedSim {
             address,
             handle,
-            stop,
-            thread: Some(thread.map_err(cannot)?),
+            thread,
         })
     }
 
@@ -194,9 +192,6 @@ impl EmbeddedSim {
 
 impl Drop for EmbeddedSim {
     fn drop(&mut self) {
-        self.stop.cancel();
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        self.thread.finish(END_TIMEOUT);
     }
 }

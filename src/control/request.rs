@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::world_change::WorldChange;
+use crate::agent::Change;
 use crate::clock::Span;
 use crate::http::Role;
 use crate::robot::{ParamValue, Percent};
@@ -103,18 +104,6 @@ pub enum RunRequest {
         /// The change.
         change: WorldChange,
     },
-}
-
-/// A change of a behaviour's state.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Change {
-    /// Start it.
-    Start,
-    /// Stop it.
-    Stop,
-    /// Stop it if it runs, and start it again from its file.
-    Restart,
 }
 
 /// How a request is sent over HTTP, and who may send it.

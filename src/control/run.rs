@@ -10,11 +10,11 @@ use tokio_util::sync::CancellationToken;
 use tracing::info;
 
 use super::emergency_stop::EmergencyStop;
-use super::request::{Change, RunRequest};
+use super::request::RunRequest;
 use super::response::RunResponse;
 use super::run_status::{self, BehaviourListing, RunStatus};
 use super::world_change::SimulatedRobot;
-use crate::agent::{PilotClient, PilotClientError, Roster, RosterError};
+use crate::agent::{Change, PilotClient, PilotClientError, Roster, RosterError};
 use crate::clock::Span;
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
@@ -236,11 +236,7 @@ impl Run {
             let why = "`for` is allowed only with `start`, and must be above zero";
             return RunResponse::refused(why);
         }
-        RunResponse::from_result(match change {
-            Change::Start => self.roster.start(name, lasts, by).await,
-            Change::Stop => self.roster.stop(name, by).await,
-            Change::Restart => self.roster.restart(name, by).await,
-        })
+        RunResponse::from_result(self.roster.change(change, name, lasts, by).await)
     }
 
     /// Engages or releases STOP, also if the one who asked no longer waits. A single run ends after

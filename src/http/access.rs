@@ -180,15 +180,12 @@ impl Visitor {
     }
 }
 
-#[derive(Debug, Clone)]
-pub(super) struct Identity(pub(super) Option<Visitor>);
-
 impl<S: Sync> FromRequestParts<S> for Visitor {
     type Rejection = Refusal;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Visitor, Refusal> {
-        match parts.extensions.get::<Identity>() {
-            Some(Identity(Some(visitor))) => Ok(visitor.clone()),
+        match parts.extensions.get::<Option<Visitor>>() {
+            Some(Some(visitor)) => Ok(visitor.clone()),
             _ => {
                 let why = "log in first, or send a token";
                 Err(Refusal::new(StatusCode::UNAUTHORIZED, why))

@@ -21,7 +21,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tokio::time::{Instant, timeout_at};
 
-use super::access::{Access, Identity, Refusal, Visitor};
+use super::access::{Access, Refusal, Visitor};
 use super::connections::Place;
 use super::keyring::Role;
 use super::origin_check::{OriginHeaders, Reason};
@@ -98,7 +98,7 @@ fn identify(request: &mut Request, visitor: Option<Visitor>) {
     {
         place.identify(visitor, request.uri().path() == STOP);
     }
-    request.extensions_mut().insert(Identity(visitor));
+    request.extensions_mut().insert(visitor);
 }
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
@@ -233,7 +233,7 @@ pub fn routes(access: Arc<Access>) -> Router {
 
 async fn me(
     State(access): State<Arc<Access>>,
-    Extension(Identity(visitor)): Extension<Identity>,
+    Extension(visitor): Extension<Option<Visitor>>,
 ) -> Json<Me> {
     Json(Me {
         role: visitor.map(|visitor| visitor.role),

@@ -48,8 +48,7 @@ struct Get {
     private: bool,
     /// What it gives, by content type.
     content: fn(&mut SchemaGenerator) -> Value,
-    /// Without one, it is served with the login.
-    handler: Option<MethodRouter<Arc<Broadcast>>>,
+    handler: MethodRouter<Arc<Broadcast>>,
 }
 
 fn schema_of<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
@@ -70,13 +69,13 @@ impl Get {
             summary,
             private: true,
             content,
-            handler: Some(handler),
+            handler,
         }
     }
 }
 
 /// Everything that programs can read here, the requests apart.
-fn gets() -> [Get; 9] {
+fn gets() -> [Get; 8] {
     let health = "Whether the program and the robot are up.";
     let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
                  with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
@@ -84,13 +83,6 @@ fn gets() -> [Get; 9] {
         Get {
             private: false,
             ..Get::new("/healthz", health, schema_of::<Health>, get(healthz))
-        },
-        Get {
-            path: "/api/me",
-            summary: "Role of the caller.",
-            private: false,
-            content: schema_of::<Me>,
-            handler: None,
         },
         Get::new(
             "/metrics",
@@ -144,10 +136,7 @@ pub(super) fn routes(broadcast: Arc<Broadcast>) -> Router {
         .route("/live", get(live))
         .route("/api/openapi.json", get(async || Json(openapi())))
         .route("/api/messages.json", get(async || Json(messages::schema())));
-    let add = |router: Router<Arc<Broadcast>>, get: Get| match get.handler {
-        Some(handler) => router.route(get.path, handler),
-        None => router,
-    };
+    let add = |router: Router<_>, get: Get| router.route(get.path, get.handler);
     gets().into_iter().fold(own, add).with_state(broadcast)
 }
 
@@ -296,6 +285,9 @@ fn openapi() -> Value {
     });
     let mut generator = settings.into_generator();
     let mut paths = control::paths(&mut generator);
+    let me = schema_of::<Me>(&mut generator);
+    let me = control::described(&"Role of the caller.".into(), None, me);
+    paths.insert("/api/me".to_owned(), json!({ "get": me }));
     for get in gets() {
         let content = (get.content)(&mut generator);
         let role = if get.private {

@@ -58,13 +58,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     let (taken, frames_taken) = watch::channel(0);
     let (messages, outgoing) = mpsc::channel(MAX_WAITING);
     let broadcast = viewer.broadcast().clone();
-    let hello = ToPage::Hello {
-        version: env!("CARGO_PKG_VERSION"),
-        you: viewer.id,
-        role: viewer.visitor.role,
-        world: broadcast.run.sim.is_some(),
-        camera: broadcast.run.streams.usage(Stream::Video) != Use::Off,
-    };
+    let hello = hello(&viewer);
     let access = broadcast.access.clone();
     let visitor = viewer.visitor.clone();
     let revoked = access.revoked(&visitor);
@@ -80,7 +74,6 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         log: None,
         found: None,
     };
-    let hello = text(&hello);
     let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
     let mut reader = Reader {
         viewer,
@@ -111,6 +104,17 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
             _ => return,
         }
     }
+}
+
+fn hello(viewer: &Viewer) -> Utf8Bytes {
+    let run = &viewer.broadcast().run;
+    text(&ToPage::Hello {
+        version: env!("CARGO_PKG_VERSION"),
+        you: viewer.id,
+        role: viewer.visitor.role,
+        world: run.sim.is_some(),
+        camera: run.streams.usage(Stream::Video) != Use::Off,
+    })
 }
 
 /// Handles the messages of a page. Dropping it releases the drive lock.
@@ -282,14 +286,8 @@ impl Writer {
                     let milliseconds = opened.elapsed().as_millis() as u64;
                     send_text(sink, text(&ToPage::Heartbeat { milliseconds })).await?;
                 }
-                Ok(()) = state.changed() => {
-                    let text = state.borrow_and_update().clone();
-                    send_text(sink, text).await?;
-                }
-                Ok(()) = behaviours.changed() => {
-                    let text = behaviours.borrow_and_update().clone();
-                    send_text(sink, text).await?;
-                }
+                text = newest(Some(&mut state)) => send_text(sink, text).await?,
+                text = newest(Some(&mut behaviours)) => send_text(sink, text).await?,
                 Ok(()) = frames.changed(), if ready => {
                     let frame = frames.borrow_and_update().clone();
                     if let Some(frame) = frame {
@@ -297,7 +295,7 @@ impl Writer {
                         send(sink, Message::Binary(packed(&frame, broadcast.now()))).await?;
                     }
                 }
-                text = newest(&mut self.map) => send_text(sink, text).await?,
+                text = newest(self.map.as_mut()) => send_text(sink, text).await?,
                 lines = lines(&mut self.log) => send_text(sink, lines).await?,
                 found = next_found(&mut self.found) => send_text(sink, found).await?,
                 _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
@@ -358,11 +356,12 @@ fn packed(frame: &Frame, now: Instant) -> Bytes {
     packed.freeze()
 }
 
-async fn newest(map: &mut Option<watch::Receiver<Utf8Bytes>>) -> Utf8Bytes {
-    if let Some(map) = map
-        && map.changed().await.is_ok()
+/// The newest text, when it has changed; never without a sender. Cancel-safe.
+async fn newest(texts: Option<&mut watch::Receiver<Utf8Bytes>>) -> Utf8Bytes {
+    if let Some(texts) = texts
+        && texts.changed().await.is_ok()
     {
-        return map.borrow_and_update().clone();
+        return texts.borrow_and_update().clone();
     }
     std::future::pending().await
 }

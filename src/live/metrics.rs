@@ -75,32 +75,29 @@ impl Metrics {
         let viewers = ConstGauge::new(viewers as i64);
         registry.register("viewers", "Open pages", viewers);
         add_status(&mut registry, &status);
-        for (name, help, counter) in [
-            ("link_logins", "Logins at the robot", &self.links),
-            ("link_losses", "Lost links", &self.losses),
-            (
-                "behaviour_starts",
-                "Starts and restarts of behaviours",
-                &self.starts,
-            ),
-        ] {
-            registry.register(name, help, counter.clone());
-        }
-        for (name, help, family) in [
-            (
-                "safety_acts",
-                "Actions of the watchdog, by kind",
-                &self.acts,
-            ),
-            ("docks", "Dockings, by result", &self.docks),
-            (
-                "behaviour_ends",
-                "Behaviours that ended, by reason",
-                &self.ends,
-            ),
-        ] {
+        let mut count =
+            |name, help, counter: &Counter| registry.register(name, help, counter.clone());
+        count("link_logins", "Logins at the robot", &self.links);
+        count("link_losses", "Lost links", &self.losses);
+        count(
+            "behaviour_starts",
+            "Starts and restarts of behaviours",
+            &self.starts,
+        );
+        let mut by_kind = |name, help, family: &Family<Label, Counter>| {
             registry.register(name, help, family.clone());
-        }
+        };
+        by_kind(
+            "safety_acts",
+            "Actions of the watchdog, by kind",
+            &self.acts,
+        );
+        by_kind("docks", "Dockings, by result", &self.docks);
+        by_kind(
+            "behaviour_ends",
+            "Behaviours that ended, by reason",
+            &self.ends,
+        );
         let mut page = String::new();
         // Writing to a string cannot fail.
         let _ = text::encode(&mut page, &registry);
@@ -112,28 +109,24 @@ impl Metrics {
 fn add_status(registry: &mut Registry, status: &Status) {
     let battery = status.battery;
     let charging = battery.is_some_and(|battery| battery.charging);
-    let low = "1 while the battery is low and the watchdog controls the robot";
-    for (name, help, is_on) in [
-        (
-            "battery_charging",
-            "1 while the battery is charging",
-            charging,
-        ),
-        ("battery_low", low, status.low),
-        ("docked", "1 on the station", status.docked),
-        (
-            "stopped_by_person",
-            "1 while STOP holds",
-            status.emergency_stop,
-        ),
-        (
-            "link_up",
-            "1 while the robot is connected",
-            status.link == LinkState::Up,
-        ),
-    ] {
+    let up = status.link == LinkState::Up;
+    let mut flag = |name, help, is_on: bool| {
         registry.register(name, help, ConstGauge::new(i64::from(is_on)));
-    }
+    };
+    flag(
+        "battery_charging",
+        "1 while the battery is charging",
+        charging,
+    );
+    let low = "1 while the battery is low and the watchdog controls the robot";
+    flag("battery_low", low, status.low);
+    flag("docked", "1 on the station", status.docked);
+    flag(
+        "stopped_by_person",
+        "1 while STOP holds",
+        status.emergency_stop,
+    );
+    flag("link_up", "1 while the robot is connected", up);
     let frames = ConstCounter::new(status.frames);
     registry.register("camera_frames", "Frames received", frames);
     let percent = battery.and_then(|battery| battery.percent);
@@ -141,26 +134,17 @@ fn add_status(registry: &mut Registry, status: &Status) {
     let help = "Level of the battery; NaN: unknown";
     registry.register("battery_percent", help, ConstGauge::new(percent));
     let minutes = battery.and_then(|battery| battery.minutes_left);
-    let robot = status.delays.map(|delays| delays.robot.as_secs_f64());
-    let network = status.delays.map(|delays| delays.network.as_secs_f64());
-    for (name, help, seconds) in [
-        (
-            "battery_left",
-            "Estimated time until the battery is empty; NaN: unknown",
-            minutes.map(|minutes| 60.0 * f64::from(minutes)),
-        ),
-        (
-            "robot_delay",
-            "From the arrival of a command at the robot to its execution; NaN: unknown",
-            robot,
-        ),
-        (
-            "network_delay",
-            "Through the network to the robot and back; NaN: unknown",
-            network,
-        ),
-    ] {
+    let mut duration = |name, help, seconds: Option<f64>| {
         let gauge = ConstGauge::new(seconds.unwrap_or(f64::NAN));
         registry.register_with_unit(name, help, Unit::Seconds, gauge);
-    }
+    };
+    let left = minutes.map(|minutes| 60.0 * f64::from(minutes));
+    let help = "Estimated time until the battery is empty; NaN: unknown";
+    duration("battery_left", help, left);
+    let robot = status.delays.map(|delays| delays.robot.as_secs_f64());
+    let help = "From the arrival of a command at the robot to its execution; NaN: unknown";
+    duration("robot_delay", help, robot);
+    let network = status.delays.map(|delays| delays.network.as_secs_f64());
+    let help = "Through the network to the robot and back; NaN: unknown";
+    duration("network_delay", help, network);
 }

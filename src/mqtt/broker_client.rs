@@ -45,7 +45,7 @@ pub(super) struct BrokerClient {
     report: Report,
     /// The commands in progress: each in a separate task, a limited number at a time, dockings one after
     /// the other.
-    commands: JoinSet<FinishedCommand>,
+    commands: JoinSet<(BrokerCommand, RunResponse)>,
     /// The command that drives the robot.
     driving: Option<AbortHandle>,
     /// Pictures of alarms that are being read from the disk.
@@ -112,7 +112,9 @@ impl BrokerClient {
                     Some(event) => self.handle_connection(event),
                     None => self.connect(),
                 },
-                finished = next_finished(&mut self.commands) => self.answer(finished),
+                (command, response) = next_finished(&mut self.commands) => {
+                    self.answer(command, response);
+                }
                 Some(read) = self.alarms.join_next() => self.show_alarm(read.ok().flatten()),
                 message = self.listener.next() => match message {
                     BusMessage::Event(one) => self.handle_event(&one.what),
@@ -264,7 +266,7 @@ impl BrokerClient {
             (topics.named("state"), state.to_string()),
             (
                 topics.named("connection"),
-                Presence::Online.word().to_owned(),
+                Presence::Online.name().to_owned(),
             ),
         ] {
             let payload = payload.into_bytes();
@@ -341,7 +343,7 @@ impl BrokerClient {
             id: None,
         };
         let response = RunResponse::Refused { error };
-        self.publish_answer(FinishedCommand { command, response });
+        self.publish_answer(&CommandResult::new(command, &response), response);
     }
 
     fn choose(&mut self, payload: &[u8]) -> Result<(), String> {
@@ -395,7 +397,7 @@ impl BrokerClient {
                 Ok(request) => perform(&run, request).await,
                 Err(error) => RunResponse::Refused { error },
             };
-            FinishedCommand { command, response }
+            (command, response)
         });
         if drives && !full {
             self.driving = Some(task);
@@ -408,25 +410,24 @@ impl BrokerClient {
         }
     }
 
-    fn answer(&mut self, finished: FinishedCommand) {
-        let result = finished.result();
+    fn answer(&mut self, command: BrokerCommand, response: RunResponse) {
+        let result = CommandResult::new(command, &response);
         if !result.done {
             let why = result.text.as_deref().unwrap_or_default();
             let command = &result.command.command;
             let line = format!("the command `{command}` from the broker was not executed: {why}");
             self.log.warn(&line);
         }
-        self.publish_answer(finished);
+        self.publish_answer(&result, response);
     }
 
-    fn publish_answer(&mut self, finished: FinishedCommand) {
-        let result = finished.result();
+    fn publish_answer(&mut self, result: &CommandResult, response: RunResponse) {
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
-        let text = serde_json::to_vec(&result).unwrap_or_default();
+        let text = serde_json::to_vec(result).unwrap_or_default();
         let mut sent = connection.publish(&self.topics.named("answer"), text);
-        if let RunResponse::Picture { jpeg } = finished.response {
+        if let RunResponse::Picture { jpeg } = response {
             sent = sent.and(connection.publish(&self.topics.named("picture"), jpeg));
         }
         if sent == Err(QueueFull) {
@@ -445,7 +446,7 @@ impl BrokerClient {
         self.cancel_driving();
         while !self.commands.is_empty() {
             match timeout_at(deadline, next_finished(&mut self.commands)).await {
-                Ok(finished) => self.answer(finished),
+                Ok((command, response)) => self.answer(command, response),
                 Err(_) => break,
             }
         }
@@ -456,7 +457,7 @@ impl BrokerClient {
         let _ = self.try_publish();
         let topic = self.topics.named("connection");
         if let Phase::Up(open, _) = self.phase
-            && open.retain(&topic, Presence::Offline.word().into()).is_ok()
+            && open.retain(&topic, Presence::Offline.name().into()).is_ok()
         {
             open.close(CLOSING).await;
         }
@@ -537,31 +538,10 @@ const LARGEST_PICTURE: u64 = 1 << 20;
 /// How much of an invalid command its answer repeats, in characters.
 const LONGEST_QUOTE: usize = 40;
 
-pub(super) struct FinishedCommand {
-    command: BrokerCommand,
-    response: RunResponse,
-}
-
-impl FinishedCommand {
-    fn result(&self) -> CommandResult {
-        let end = self.response.dock_end();
-        let end = end.map(|end| end.name().replace('_', " "));
-        let error = self.response.error();
-        let done = error.is_none();
-        let text = match &self.response {
-            RunResponse::Stopped { outcome, .. } => Some(outcome.to_string()),
-            _ => end.or(error),
-        };
-        CommandResult {
-            command: self.command.clone(),
-            done,
-            text,
-        }
-    }
-}
-
 /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
-async fn next_finished(commands: &mut JoinSet<FinishedCommand>) -> FinishedCommand {
+async fn next_finished(
+    commands: &mut JoinSet<(BrokerCommand, RunResponse)>,
+) -> (BrokerCommand, RunResponse) {
     loop {
         match commands.join_next().await {
             Some(Ok(finished)) => return finished,

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Change, RunRequest};
+use crate::agent::Change;
+use crate::control::{RunRequest, RunResponse};
 use crate::wire::Sound;
 
 /// Maximum length of a command, in bytes.
@@ -90,6 +91,22 @@ pub struct CommandResult {
     pub done: bool,
     /// How it ended, or why it was not executed.
     pub text: Option<String>,
+}
+
+impl CommandResult {
+    pub(super) fn new(command: BrokerCommand, response: &RunResponse) -> CommandResult {
+        let end = response.dock_end();
+        let end = end.map(|end| end.name().replace('_', " "));
+        let error = response.error();
+        CommandResult {
+            command,
+            done: error.is_none(),
+            text: match response {
+                RunResponse::Stopped { outcome, .. } => Some(outcome.to_string()),
+                _ => end.or(error),
+            },
+        }
+    }
 }
 
 #[cfg(test)]

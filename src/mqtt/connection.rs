@@ -56,7 +56,8 @@ pub(super) enum ConnectionEvent {
 }
 
 /// The queue is full: the broker is slower than we are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("its queue is full")]
 pub(super) struct QueueFull;
 
 /// A connection in progress or established. Dropping it breaks it, and the broker publishes the
@@ -97,7 +98,7 @@ impl Connection {
             options.set_transport(Transport::tls_with_config(tls));
         }
         if let Some(topic) = will_topic {
-            let payload = Presence::ConnectionBroken.word();
+            let payload = Presence::ConnectionBroken.name();
             options.set_last_will(LastWill::new(topic, payload, QoS::AtLeastOnce, true));
         }
         let (client, mut events) = AsyncClient::new(options, MAX_WAITING);
@@ -232,7 +233,7 @@ async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), St
                     continue;
                 };
                 let sent = connection.publish(topic, payload);
-                sent.map_err(|QueueFull| "its queue is full".to_owned())?;
+                sent.map_err(|error| error.to_string())?;
             }
             ConnectionEvent::Acknowledged => break,
             ConnectionEvent::Lost(why) => return Err(why),

@@ -32,7 +32,7 @@ pub(super) fn discovery(
     behaviours: &[String],
     page: Option<&str>,
 ) -> Value {
-    let online = Presence::Online.word();
+    let online = Presence::Online.name();
     let mut device = json!({
         "identifiers": [format!("spykee_{}", topics.id)],
         "name": robot.name,

@@ -70,7 +70,8 @@ impl Fleet {
                 Ok(ConnectionEvent::Up) => {
                     for what in ["connection", "state", "answer"] {
                         let topic = format!("{PREFIX}/+/{what}");
-                        self.connection.subscribe(&topic).map_err(to_message)?;
+                        let asked = self.connection.subscribe(&topic);
+                        asked.map_err(|error| error.to_string())?;
                     }
                 }
                 Ok(ConnectionEvent::Subscribed) => missing -= 1,
@@ -96,7 +97,9 @@ impl Fleet {
             return;
         };
         let presence = match what {
-            "connection" => Presence::parse(&message.payload),
+            "connection" => std::str::from_utf8(&message.payload)
+                .ok()
+                .and_then(Presence::from_name),
             _ => None,
         };
         let state = match what {
@@ -189,8 +192,4 @@ fn split_topic(topic: &str) -> Option<(&str, &str)> {
         .strip_prefix(PREFIX)?
         .strip_prefix('/')?
         .split_once('/')
-}
-
-fn to_message(_: QueueFull) -> String {
-    "its queue is full".to_owned()
 }

@@ -1,6 +1,6 @@
 //! The topics of an agent at a broker: `PREFIX/ROBOT/...`, with the robot's uid.
 
-use serde::{Deserialize, Serialize};
+use crate::robot::named;
 
 /// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
@@ -54,29 +54,13 @@ pub(super) fn id_of(uid: &str) -> String {
     }
 }
 
-/// Whether an agent is connected to its broker, in the terms of VDA 5050.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub enum Presence {
-    Online,
-    Offline,
-    /// The connection broke: the broker publishes this on the agent's behalf.
-    ConnectionBroken,
-}
-
-impl Presence {
-    pub fn word(self) -> &'static str {
-        match self {
-            Presence::Online => "ONLINE",
-            Presence::Offline => "OFFLINE",
-            Presence::ConnectionBroken => "CONNECTIONBROKEN",
-        }
-    }
-
-    /// Parses a payload; `None` if it is not one of the words.
-    pub(super) fn parse(payload: &[u8]) -> Option<Presence> {
-        let word = std::str::from_utf8(payload).ok()?;
-        serde_json::from_value(word.into()).ok()
+named! {
+    /// Whether an agent is connected to its broker, in the terms of VDA 5050.
+    Presence {
+        Online = "ONLINE",
+        Offline = "OFFLINE",
+        /// The connection broke: the broker publishes this on the agent's behalf.
+        ConnectionBroken = "CONNECTIONBROKEN",
     }
 }
 

@@ -14,10 +14,10 @@ mod webhook;
 use std::path::PathBuf;
 
 use jiff::Timestamp;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::clock::Zone;
+use crate::robot::named;
 
 pub use command::PROGRAM_VARIABLES;
 pub use notifier::Notifier;
@@ -25,31 +25,29 @@ pub use options::{Options, PictureMode, Target};
 pub use sender::{BrokerPublisher, DELIVERY_TIMEOUT, deliver};
 pub use webhook::request;
 
-/// The events that people can be notified of.
-#[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
-#[serde(rename_all = "snake_case")]
-#[schemars(rename = "NotifyRule")]
-pub enum Rule {
-    /// The watchdog sounds its alarm.
-    Alarm,
-    /// The battery became low.
-    Low,
-    /// A docking failed.
-    NotDocked,
-    /// A behaviour failed, or was given up.
-    RunFailed,
-    /// A script added an entry `moved` or `noise` to the journal.
-    Moved,
-    /// The robot is out of reach for long; also when it is back.
-    Unreachable,
-    /// A start of the timetable did not happen.
-    StartMissed,
-    /// A script called `notify.send`.
-    Script,
-    /// `spykee config test-notify`; every target receives it.
-    Test,
+named! {
+    /// The events that people can be notified of.
+    #[schemars(rename = "NotifyRule")]
+    Rule {
+        /// The watchdog sounds its alarm.
+        Alarm = "alarm",
+        /// The battery became low.
+        Low = "low",
+        /// A docking failed.
+        NotDocked = "not_docked",
+        /// A behaviour failed, or was given up.
+        RunFailed = "run_failed",
+        /// A script added an entry `moved` or `noise` to the journal.
+        Moved = "moved",
+        /// The robot is out of reach for long; also when it is back.
+        Unreachable = "unreachable",
+        /// A start of the timetable did not happen.
+        StartMissed = "start_missed",
+        /// A script called `notify.send`.
+        Script = "script",
+        /// `spykee config test-notify`; every target receives it.
+        Test = "test",
+    }
 }
 
 impl Rule {
@@ -65,20 +63,6 @@ impl Rule {
             Rule::StartMissed => "Did not start",
             Rule::Script => "A message",
             Rule::Test => "A test",
-        }
-    }
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Rule::Alarm => "alarm",
-            Rule::Low => "low",
-            Rule::NotDocked => "not_docked",
-            Rule::RunFailed => "run_failed",
-            Rule::Moved => "moved",
-            Rule::Unreachable => "unreachable",
-            Rule::StartMissed => "start_missed",
-            Rule::Script => "script",
-            Rule::Test => "test",
         }
     }
 }

@@ -88,13 +88,12 @@ impl Behaviours {
             ..self.config.script(name, chunk, seed)
         };
         reject_errors(&source, &options)?;
-        let folder = file.parent().unwrap_or(Path::new(""));
         Ok(Behaviour {
             priority: entry.priority,
             launch: Launch {
                 source,
                 options,
-                library: Library::new(folder.to_owned()),
+                library: Library::beside(file),
             },
             checked: false,
             restart: entry.restart,

@@ -3,7 +3,6 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::pin::Pin;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -24,7 +23,7 @@ use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
-use crate::simulation::{self, Simulation};
+use crate::simulation::{self, Running, Simulation};
 
 const MAX_LINES: usize = 200;
 
@@ -164,17 +163,12 @@ impl ScenarioFile {
     }
 }
 
-struct Agent {
-    stop: CancellationToken,
-    outcome: Pin<Box<dyn Future<Output = Result<Outcome, AgentError>>>>,
-}
-
 struct ScenarioRun<'a> {
     scenario_file: &'a ScenarioFile,
     scenario: &'a Scenario,
     simulation: &'a Simulation,
     api: Rc<RunningScenarioApi>,
-    agent: Option<Agent>,
+    agent: Option<Running>,
     lines: Vec<String>,
 }
 
@@ -221,12 +215,13 @@ impl ScenarioRun<'_> {
                 yield_now().await;
                 continue;
             }
-            let outcome = self.agent.as_mut().map(|agent| agent.outcome.as_mut());
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Err(self.failure_reason("interrupted")),
                 () = sleep_until(limit) => return Err(self.limit_exceeded()),
-                outcome = or_never(outcome) => self.agent_ended(outcome)?,
+                outcome = or_never(self.agent.as_mut().map(Running::ended)) => {
+                    self.agent_ended(outcome)?;
+                }
                 () = until(script.next_deadline()) => {}
             }
         }
@@ -236,14 +231,10 @@ impl ScenarioRun<'_> {
         while let Some(command) = self.api.take_command() {
             match command {
                 ScenarioCommand::Run(behaviours) => {
-                    let running = self.simulation.start(behaviours, None);
-                    self.agent = Some(Agent {
-                        stop: running.stopper(),
-                        outcome: Box::pin(running.outcome()),
-                    });
+                    self.agent = Some(self.simulation.start(behaviours, None));
                 }
                 ScenarioCommand::Stop => match &self.agent {
-                    Some(agent) => agent.stop.cancel(),
+                    Some(agent) => agent.stop(),
                     None => self.api.has_stopped(),
                 },
                 ScenarioCommand::Vanish => {

@@ -12,20 +12,22 @@ use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use super::idle::{self, IdleAction, IdleRobot};
+use super::idle::{Activity, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{ManagerNotifier, RecordFile, Reload, ServicePlan, View};
+use super::{ManagerNotifier, RecordFile, ServicePlan, View};
 use crate::agent::{
-    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, PilotClient, PilotClientError,
-    Roster, RosterError,
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, Change, PilotClient,
+    PilotClientError, Roster, RosterError,
 };
 use crate::clock::{self, Clock, Zone};
-use crate::control::{self, Change};
+use crate::control;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS, Setpoint};
+use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
 use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
 
+/// Who ends and restarts what a new config changes.
+const READ_AGAIN: &str = "the config was read again";
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
 
@@ -50,7 +52,7 @@ pub(super) struct Executor {
     docking_task: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
     last_record: Option<Record>,
-    pub(super) file: RecordFile,
+    file: RecordFile,
     pub(super) notifier: ManagerNotifier,
     pub(super) bus: Bus,
     pub(super) view: watch::Sender<View>,
@@ -61,14 +63,14 @@ pub(super) struct Executor {
 }
 
 impl Executor {
-    /// An executor whose record, manager, bus and view are those of nobody.
+    /// An executor whose manager, bus and view are those of nobody.
     pub(super) fn new(
         roster: Roster,
         requests: mpsc::Sender<Request>,
         status: watch::Receiver<Status>,
         clock: Clock,
-        planner: Planner,
         service_plan: ServicePlan,
+        file: RecordFile,
     ) -> Executor {
         Executor {
             statuses: roster.statuses(),
@@ -76,7 +78,7 @@ impl Executor {
             requests,
             status,
             clock,
-            planner,
+            planner: Planner::new(service_plan.table.clone(), file.record.clone()),
             idle: IdleRobot::new(service_plan.idle.clone()),
             waiting: service_plan.always.iter().cloned().collect(),
             service_plan,
@@ -86,7 +88,7 @@ impl Executor {
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
-            file: RecordFile::default(),
+            file,
             notifier: ManagerNotifier::default(),
             bus: Bus::default(),
             view: View::channel().0,
@@ -100,7 +102,7 @@ impl Executor {
     /// under way for the next service.
     pub(super) async fn work(
         &mut self,
-        mut reloads: mpsc::Receiver<Reload>,
+        mut reloads: mpsc::Receiver<ServicePlan>,
         stop: CancellationToken,
     ) -> Infallible {
         self.notifier.ready();
@@ -110,7 +112,7 @@ impl Executor {
                 biased;
                 () = stop.cancelled() => std::future::pending().await,
                 Some(result) = self.orders.next() => self.handle_result(result),
-                Some(reload) = reloads.recv() => self.reload(reload).await,
+                Some(service_plan) = reloads.recv() => self.reload(service_plan).await,
                 Ok(()) = self.statuses.changed() => {}
                 Ok(()) = self.status.changed() => {}
                 () = sleep(pause) => {}
@@ -125,13 +127,13 @@ impl Executor {
         let at = Instant::now();
         let status = *self.status.borrow_and_update();
         self.hold_permanent(status.emergency_stop);
-        let running = self.update_running();
+        self.update_running();
         let up = status.link == LinkState::Up;
         if up && !self.stopped {
             self.start_permanent();
         }
         self.apply_quiet_hours(now);
-        let names: Vec<String> = running.iter().cloned().collect();
+        let names: Vec<String> = self.running.iter().cloned().collect();
         if self.stops.has_changed().unwrap_or(false) {
             self.stops.mark_unchanged();
             self.planner.forget_waiting();
@@ -149,21 +151,18 @@ impl Executor {
         self.owes_return &= !status.docked;
         let is_permanent = |name: &String| self.service_plan.always.contains(name);
         let waits_for_runs = if self.owes_return {
-            !running.iter().all(is_permanent)
+            !self.running.iter().all(is_permanent)
         } else {
-            !running.is_empty()
+            !self.running.is_empty()
         };
-        let inputs = idle::IdleInputs {
-            now: at,
-            busy: waits_for_runs || !self.orders.is_empty() || self.planner.is_due(),
-            runs: !running.is_empty(),
-            moving: status.actuators.tracks != Setpoint::STOP,
-            link: status.link,
-            docked: status.docked,
-            low: status.low,
-            stopped: self.stopped,
+        let activity = if waits_for_runs || !self.orders.is_empty() || self.planner.is_due() {
+            Activity::Busy
+        } else if self.running.is_empty() {
+            Activity::None
+        } else {
+            Activity::Watched
         };
-        if let Some(action) = self.idle.poll(inputs) {
+        if let Some(action) = self.idle.poll(&status, activity, at) {
             self.execute(action);
         }
         self.save_record();
@@ -173,8 +172,8 @@ impl Executor {
         self.planner.pause(now, at).min(idle).min(LONGEST)
     }
 
-    /// Returns the behaviours that are not idle, and informs the planner of those that have ended.
-    fn update_running(&mut self) -> BTreeSet<String> {
+    /// Updates the behaviours that are not idle, and informs the planner of those that have ended.
+    fn update_running(&mut self) {
         let statuses = self.statuses.borrow_and_update();
         let running = statuses
             .iter()
@@ -187,8 +186,7 @@ impl Executor {
                 self.planner.ended(name);
             }
         }
-        self.running = running.clone();
-        running
+        self.running = running;
     }
 
     /// Permanent behaviours that run when a person presses STOP, and may be ended with it, start
@@ -327,7 +325,7 @@ impl Executor {
 
     fn handle_result(&mut self, result: OrderResult) {
         match result {
-            OrderResult::Started(run, started) => {
+            OrderResult::Changed(Change::Start, run, started) => {
                 let offline = started == Err(RosterError::Offline);
                 if offline && self.waiting.contains(&run) {
                     return;
@@ -344,7 +342,7 @@ impl Executor {
                     }
                 }
             }
-            OrderResult::Changed(run, changed) => {
+            OrderResult::Changed(_, run, changed) => {
                 match changed {
                     Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
                     Err(why) => error!(behaviour = run, "{why}"),
@@ -367,18 +365,17 @@ impl Executor {
     }
 
     /// Applies a new plan. Behaviours that have not changed keep running.
-    async fn reload(&mut self, reload: Reload) {
-        let service_plan = reload.service_plan;
+    async fn reload(&mut self, service_plan: ServicePlan) {
         if let Err(why) = self.orders.define(service_plan.specs.clone()).await {
             return error!("the new settings were not applied: {why}");
         }
         for run in self.running.clone() {
-            let gone = !service_plan.specs.iter().any(|spec| spec.name() == run);
-            if !gone && !reload.changed.contains(&run) {
-                continue;
+            let before = self.service_plan.fingerprints.get(&run);
+            match service_plan.fingerprints.get(&run) {
+                None => self.orders.give(Change::Stop, run, READ_AGAIN),
+                now if now != before => self.orders.give(Change::Restart, run, READ_AGAIN),
+                _ => {}
             }
-            let order = if gone { Change::Stop } else { Change::Restart };
-            self.orders.give(order, run, "the config was read again");
         }
         let before = std::mem::replace(&mut self.service_plan, service_plan);
         let always = &self.service_plan.always;
@@ -436,9 +433,8 @@ const LOWEST: Priority = Priority(i16::MIN);
 
 #[derive(Debug)]
 pub(super) enum OrderResult {
-    Started(String, Result<(), RosterError>),
-    /// A stop or a restart.
-    Changed(String, Result<(), RosterError>),
+    /// A behaviour was started, stopped or restarted.
+    Changed(Change, String, Result<(), RosterError>),
     /// An idle robot was sent home.
     Home(Result<DockOutcome, PilotClientError>),
 }
@@ -473,16 +469,8 @@ impl Orders {
         self.names.insert(run.clone());
         let roster = self.roster.without_timeout();
         self.tasks.spawn(async move {
-            let done = match order {
-                Change::Start => roster.start(&run, None, by).await,
-                Change::Stop => roster.stop(&run, by).await,
-                Change::Restart => roster.restart(&run, by).await,
-            };
-            if order == Change::Start {
-                OrderResult::Started(run, done)
-            } else {
-                OrderResult::Changed(run, done)
-            }
+            let done = roster.change(order, &run, None, by).await;
+            OrderResult::Changed(order, run, done)
         });
     }
 
@@ -497,7 +485,7 @@ impl Orders {
         loop {
             // An aborted order has no result.
             if let Ok(result) = self.tasks.join_next().await? {
-                if let OrderResult::Started(run, _) | OrderResult::Changed(run, _) = &result {
+                if let OrderResult::Changed(_, run, _) = &result {
                     self.names.remove(run);
                 }
                 return Some(result);
@@ -604,8 +592,9 @@ mod tests {
             };
             let service_plan = ServicePlan {
                 specs: Vec::new(),
+                fingerprints: Default::default(),
                 always: Vec::new(),
-                table: table.clone(),
+                table,
                 quiet_alarm: true,
                 idle: config::Service {
                     dock: false,
@@ -632,8 +621,8 @@ mod tests {
                     mpsc::channel(8).0,
                     fixture.status.subscribe(),
                     Clock::default(),
-                    Planner::new(table, Record::default()),
                     service_plan,
+                    RecordFile::default(),
                 )
             };
             // Nobody reloads.
@@ -701,11 +690,11 @@ mod tests {
         let (mut fixture, work) = ServiceFixture::new();
         let begun = Instant::now();
         let story = async {
-            let started = fixture.order("Start(\"go\"").await;
+            let started = fixture.order("Change(Start, \"go\"").await;
             fixture.shows(BehaviourState::Loading);
             sleep(Duration::from_secs(11)).await;
             fixture.runs(started);
-            fixture.order("Stop(\"go\"").await
+            fixture.order("Change(Stop, \"go\"").await
         };
         let _stopped = beside(work, story).await;
         assert_eq!(begun.elapsed().as_secs(), 20);
@@ -716,15 +705,15 @@ mod tests {
     async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
         let (mut fixture, work) = ServiceFixture::new();
         let story = async {
-            let started = fixture.order("Start(\"go\"").await;
+            let started = fixture.order("Change(Start, \"go\"").await;
             fixture.link(LinkState::Lost);
             let _ = started.send(Err(RosterError::Offline));
             sleep(Duration::from_secs(60)).await;
             assert!(fixture.orders.is_empty(), "there is no robot");
             fixture.link(LinkState::Up);
-            let started = fixture.order("Start(\"go\"").await;
+            let started = fixture.order("Change(Start, \"go\"").await;
             fixture.runs(started);
-            fixture.order("Stop(\"go\"").await
+            fixture.order("Change(Stop, \"go\"").await
         };
         let _stopped = beside(work, story).await;
         assert!(!fixture.has_missed());
@@ -734,7 +723,7 @@ mod tests {
     async fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
         let (mut fixture, work) = ServiceFixture::new();
         let story = async {
-            let started = fixture.order("Start(\"go\"").await;
+            let started = fixture.order("Change(Start, \"go\"").await;
             fixture.link(LinkState::Lost);
             let _ = started.send(Err(RosterError::Offline));
             sleep(Duration::from_secs(60)).await;

@@ -7,30 +7,22 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use crate::config::{Idle, Service};
-use crate::pilot::LinkState;
+use crate::pilot::{LinkState, Status};
 use crate::rate_limit::Backoff;
 
 /// Pause after a failed docking: the first one; it doubles each time, up to the maximum.
 const PAUSE: Duration = Duration::from_secs(300);
 const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
 
-#[derive(Debug, Clone, Copy)]
-pub(super) struct IdleInputs {
-    pub(super) now: Instant,
+/// What behaviours do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Activity {
+    None,
+    /// Only behaviours run that are always on: they need the link.
+    Watched,
     /// A behaviour runs, is loading, or is due. One that is always on counts until another run has
     /// ended away from the station.
-    pub(super) busy: bool,
-    /// A behaviour runs, perhaps one that is always on: it needs the link.
-    pub(super) runs: bool,
-    /// The tracks run.
-    pub(super) moving: bool,
-    pub(super) link: LinkState,
-    /// The robot is on its station, as far as is known.
-    pub(super) docked: bool,
-    /// The battery is low, and the watchdog controls the robot.
-    pub(super) low: bool,
-    /// A person's STOP holds.
-    pub(super) stopped: bool,
+    Busy,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,45 +75,51 @@ impl IdleRobot {
         self.next = Some(now + self.backoff.step());
     }
 
-    pub(super) fn poll(&mut self, inputs: IdleInputs) -> Option<IdleAction> {
+    pub(super) fn poll(
+        &mut self,
+        status: &Status,
+        activity: Activity,
+        now: Instant,
+    ) -> Option<IdleAction> {
+        let busy = activity == Activity::Busy;
         let release = self.policy.idle == Idle::Release;
-        if self.asked.is_some_and(|link| link != inputs.link) {
+        if self.asked.is_some_and(|link| link != status.link) {
             self.asked = None;
         }
-        if inputs.busy || inputs.stopped {
+        if busy || status.emergency_stop {
             self.since = None;
             self.backoff.reset();
             self.next = None;
             if std::mem::take(&mut self.docking) {
                 return Some(IdleAction::CancelDocking);
             }
-            if !inputs.busy {
+            if !busy {
                 return None;
             }
-            return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
+            return self.request_once(status.link, LinkState::Released, IdleAction::Connect);
         }
-        if inputs.link == LinkState::Released && !release {
-            return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
+        if status.link == LinkState::Released && !release {
+            return self.request_once(status.link, LinkState::Released, IdleAction::Connect);
         }
-        if inputs.link != LinkState::Up {
+        if status.link != LinkState::Up {
             self.since = None;
             return None;
         }
         // Somebody drives it, or what is always on does.
-        if inputs.moving && !self.docking {
+        if !status.actuators.tracks.is_stop() && !self.docking {
             self.since = None;
         }
-        let since = *self.since.get_or_insert(inputs.now);
-        if inputs.now < since + self.policy.idle_after.get() || self.docking || inputs.low {
+        let since = *self.since.get_or_insert(now);
+        if now < since + self.policy.idle_after.get() || self.docking || status.low {
             return None;
         }
-        if inputs.docked {
-            if !release || inputs.runs {
+        if status.docked {
+            if !release || activity == Activity::Watched {
                 return None;
             }
-            return self.request_once(inputs.link, LinkState::Up, IdleAction::Release);
+            return self.request_once(status.link, LinkState::Up, IdleAction::Release);
         }
-        if !self.policy.dock || self.next.is_some_and(|next| inputs.now < next) {
+        if !self.policy.dock || self.next.is_some_and(|next| now < next) {
             return None;
         }
         self.docking = true;
@@ -152,121 +150,151 @@ impl IdleRobot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::Setpoint;
 
     const MINUTE: Duration = Duration::from_secs(60);
 
-    fn idle(release: bool) -> (IdleRobot, IdleInputs) {
+    fn idle(release: bool) -> (IdleRobot, Status, Instant) {
         let policy = Service {
             idle: if release { Idle::Release } else { Idle::Keep },
             ..Service::default()
         };
-        let inputs = IdleInputs {
-            now: Instant::now(),
-            busy: false,
-            runs: false,
-            moving: false,
+        let status = Status {
             link: LinkState::Up,
-            docked: false,
-            low: false,
-            stopped: false,
+            ..Status::default()
         };
-        (IdleRobot::new(policy), inputs)
+        (IdleRobot::new(policy), status, Instant::now())
     }
 
     #[test]
     fn an_idle_robot_is_sent_home_after_a_while_and_released_there() {
-        let (mut idle, mut inputs) = idle(true);
-        assert_eq!(idle.poll(inputs), None);
-        inputs.now += MINUTE;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
-        assert_eq!(idle.poll(inputs), None, "it is under way");
-        idle.docked(true, inputs.now);
-        inputs.docked = true;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Release));
-        assert_eq!(idle.poll(inputs), None, "requested once");
-        inputs.link = LinkState::Released;
-        inputs.now += 1000 * MINUTE;
-        assert_eq!(idle.poll(inputs), None);
-        inputs.busy = true;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Connect));
-        assert_eq!(idle.poll(inputs), None);
+        let (mut idle, mut status, mut now) = idle(true);
+        assert_eq!(idle.poll(&status, Activity::None, now), None);
+        now += MINUTE;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::Dock)
+        );
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            None,
+            "it is under way"
+        );
+        idle.docked(true, now);
+        status.docked = true;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::Release)
+        );
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            None,
+            "requested once"
+        );
+        status.link = LinkState::Released;
+        now += 1000 * MINUTE;
+        assert_eq!(idle.poll(&status, Activity::None, now), None);
+        assert_eq!(
+            idle.poll(&status, Activity::Busy, now),
+            Some(IdleAction::Connect)
+        );
+        assert_eq!(idle.poll(&status, Activity::Busy, now), None);
     }
 
     #[test]
     fn a_robot_that_is_driven_is_not_idle_and_one_that_is_watched_is_not_released() {
-        let (mut idle, mut inputs) = idle(true);
-        (inputs.runs, inputs.moving) = (true, true);
+        let (mut idle, mut status, mut now) = idle(true);
+        status.actuators.tracks = Setpoint::from_percent(30.0, 30.0).unwrap();
         for _ in 0..10 {
-            assert_eq!(idle.poll(inputs), None);
-            inputs.now += MINUTE;
+            assert_eq!(idle.poll(&status, Activity::Watched, now), None);
+            now += MINUTE;
         }
-        inputs.moving = false;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
-        inputs.moving = true;
-        assert_eq!(idle.poll(inputs), None, "it is on its way");
-        idle.docked(true, inputs.now);
-        (inputs.docked, inputs.moving) = (true, false);
+        status.actuators.tracks = Setpoint::STOP;
+        let dock = idle.poll(&status, Activity::Watched, now);
+        assert_eq!(dock, Some(IdleAction::Dock));
+        status.actuators.tracks = Setpoint::from_percent(30.0, 30.0).unwrap();
+        let under_way = idle.poll(&status, Activity::Watched, now);
+        assert_eq!(under_way, None);
+        idle.docked(true, now);
+        status.docked = true;
+        status.actuators.tracks = Setpoint::STOP;
         for _ in 0..10 {
-            inputs.now += MINUTE;
-            assert_eq!(idle.poll(inputs), None);
+            now += MINUTE;
+            assert_eq!(idle.poll(&status, Activity::Watched, now), None);
         }
-        inputs.runs = false;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Release));
+        let release = idle.poll(&status, Activity::None, now);
+        assert_eq!(release, Some(IdleAction::Release));
     }
 
     #[test]
     fn without_the_release_policy_the_link_is_kept() {
-        let (mut idle, mut inputs) = idle(false);
-        inputs.docked = true;
+        let (mut idle, mut status, mut now) = idle(false);
+        status.docked = true;
         for _ in 0..10 {
-            assert_eq!(idle.poll(inputs), None);
-            inputs.now += MINUTE;
+            assert_eq!(idle.poll(&status, Activity::None, now), None);
+            now += MINUTE;
         }
     }
 
     #[test]
     fn a_start_cancels_the_docking_and_a_low_battery_prevents_it() {
-        let (mut idle, mut inputs) = idle(false);
-        idle.poll(inputs);
-        inputs.now += MINUTE;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
-        inputs.busy = true;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::CancelDocking));
-        (inputs.busy, inputs.low) = (false, true);
-        idle.poll(inputs);
-        inputs.now += 10 * MINUTE;
-        assert_eq!(idle.poll(inputs), None);
+        let (mut idle, mut status, mut now) = idle(false);
+        idle.poll(&status, Activity::None, now);
+        now += MINUTE;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::Dock)
+        );
+        let cancelled = Some(IdleAction::CancelDocking);
+        assert_eq!(idle.poll(&status, Activity::Busy, now), cancelled);
+        status.low = true;
+        idle.poll(&status, Activity::None, now);
+        now += 10 * MINUTE;
+        assert_eq!(idle.poll(&status, Activity::None, now), None);
     }
 
     #[test]
     fn an_idle_robot_that_a_person_has_stopped_stays_where_it_is_until_it_is_released() {
-        let (mut idle, mut inputs) = idle(true);
-        idle.poll(inputs);
-        inputs.now += MINUTE;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
-        inputs.stopped = true;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::CancelDocking));
+        let (mut idle, mut status, mut now) = idle(true);
+        idle.poll(&status, Activity::None, now);
+        now += MINUTE;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::Dock)
+        );
+        status.emergency_stop = true;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::CancelDocking)
+        );
         for _ in 0..100 {
-            inputs.now += MINUTE;
-            assert_eq!(idle.poll(inputs), None);
+            now += MINUTE;
+            assert_eq!(idle.poll(&status, Activity::None, now), None);
         }
-        inputs.stopped = false;
-        assert_eq!(idle.poll(inputs), None, "it is idle from now on");
-        inputs.now += MINUTE;
-        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
+        status.emergency_stop = false;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            None,
+            "it is idle from now on"
+        );
+        now += MINUTE;
+        assert_eq!(
+            idle.poll(&status, Activity::None, now),
+            Some(IdleAction::Dock)
+        );
     }
 
     #[test]
     fn failed_dockings_are_retried_with_growing_pauses() {
-        let (mut idle, mut inputs) = idle(false);
-        idle.poll(inputs);
-        let begin = inputs.now;
+        let (mut idle, status, mut now) = idle(false);
+        idle.poll(&status, Activity::None, now);
+        let begin = now;
         let mut tries = Vec::new();
-        while inputs.now < begin + 300 * MINUTE {
-            inputs.now += MINUTE;
-            if idle.poll(inputs) == Some(IdleAction::Dock) {
-                tries.push((inputs.now - begin).as_secs() / 60);
-                idle.docked(false, inputs.now);
+        while now < begin + 300 * MINUTE {
+            now += MINUTE;
+            if idle.poll(&status, Activity::None, now) == Some(IdleAction::Dock) {
+                tries.push((now - begin).as_secs() / 60);
+                idle.docked(false, now);
             }
         }
         assert_eq!(tries, [1, 6, 16, 36, 76, 136, 196, 256]);

@@ -7,6 +7,7 @@ mod idle;
 mod manager_notifier;
 mod record;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use jiff::Timestamp;
@@ -14,12 +15,12 @@ use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
 use self::executor::Executor;
-use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome, Plan};
+use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome};
 use crate::clock::{Clock, is_plausible};
 use crate::config;
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
-use crate::timetable::{Planner, Timetable};
+use crate::timetable::Timetable;
 
 pub use manager_notifier::ManagerNotifier;
 pub use record::RecordFile;
@@ -30,6 +31,9 @@ pub use crate::timetable::View;
 #[derive(Debug, Clone)]
 pub struct ServicePlan {
     pub specs: Vec<BehaviourSpec>,
+    /// A number for each behaviour, by name, that differs after a reload if its definition does:
+    /// then it is restarted.
+    pub fingerprints: BTreeMap<String, u64>,
     /// Names of the behaviours that are started as soon as the robot is connected.
     pub always: Vec<String>,
     /// The timetable of the other behaviours.
@@ -55,14 +59,6 @@ impl ServicePlan {
     }
 }
 
-/// A new plan, and the behaviours affected by the change.
-#[derive(Debug)]
-pub struct Reload {
-    pub service_plan: ServicePlan,
-    /// Behaviours whose definition has changed; the running ones are restarted.
-    pub changed: Vec<String>,
-}
-
 pub struct Service {
     /// The permanent agent; its plan contains no behaviours.
     pub agent: Agent,
@@ -75,44 +71,20 @@ pub struct Service {
     pub bus: Bus,
     /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
-    pub reloads: mpsc::Receiver<Reload>,
+    pub reloads: mpsc::Receiver<ServicePlan>,
 }
 
 impl Service {
-    /// A service in a simulation: it has no manager, nobody reloads its config, and its first
-    /// connection is repeated until it succeeds.
-    pub fn in_simulation(mut plan: Plan, service_plan: ServicePlan, record: RecordFile) -> Service {
-        plan.stays = true;
-        plan.specs = service_plan.specs.clone();
-        plan.settings.waits = true;
-        let bus = plan.bus.clone();
-        let (agent, status) = Agent::new(plan);
-        let (_, reloads) = mpsc::channel(1);
-        Service {
-            agent,
-            status,
-            clock: Clock::default(),
-            service_plan,
-            record,
-            notifier: ManagerNotifier::default(),
-            bus,
-            view: View::channel().0,
-            reloads,
-        }
-    }
-
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let notifier = self.notifier.clone();
-        let planner = Planner::new(self.service_plan.table.clone(), self.record.record.clone());
         let mut executor = Executor::new(
             self.agent.roster(),
             self.agent.requests(),
             self.status,
             self.clock,
-            planner,
             self.service_plan,
+            self.record,
         );
-        executor.file = self.record;
         executor.notifier = self.notifier;
         executor.bus = self.bus;
         executor.view = self.view;

@@ -200,10 +200,28 @@ pub(crate) mod number {
     use serde::de::{Error, Unexpected, Visitor};
 
     /// A range of numbers, with the unit for its error message.
-    struct Range {
+    #[derive(Clone, Copy)]
+    pub(crate) struct Range {
         min: f64,
         max: f64,
         unit: &'static str,
+    }
+
+    /// A number of a range; an optional one may be `null`.
+    pub(crate) trait Ranged: Sized {
+        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<Self, D::Error>;
+    }
+
+    impl Ranged for f64 {
+        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<f64, D::Error> {
+            from.deserialize_f64(range)
+        }
+    }
+
+    impl Ranged for Option<f64> {
+        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<Self, D::Error> {
+            yaml::optional(from, range)
+        }
     }
 
     impl Visitor<'_> for Range {
@@ -239,11 +257,10 @@ pub(crate) mod number {
     macro_rules! ranges {
         ($($(#[$doc:meta])* $name:ident = $min:literal..=$max:literal, $unit:literal;)+) => {$(
             $(#[$doc])*
-            pub(crate) fn $name<'de, D: Deserializer<'de>, T: From<f64>>(
+            pub(crate) fn $name<'de, D: Deserializer<'de>, T: Ranged>(
                 from: D,
             ) -> Result<T, D::Error> {
-                let range = Range { min: $min, max: $max, unit: $unit };
-                from.deserialize_f64(range).map(T::from)
+                T::read(from, Range { min: $min, max: $max, unit: $unit })
             }
         )+};
     }

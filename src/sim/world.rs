@@ -112,7 +112,6 @@ pub struct World {
     /// Where the robot charges.
     pub station: Station,
     /// The robot's start pose; on the station if omitted.
-    #[serde(default)]
     pub start: Option<Start>,
     /// Brightness of the ambient light, 0..=1.
     #[serde(default = "number::one", deserialize_with = "number::share")]
@@ -127,7 +126,6 @@ pub struct World {
     #[serde(default)]
     pub tracks: TrackSettings,
     /// The Wi-Fi; without it the network reaches everywhere.
-    #[serde(default)]
     pub wifi: Option<Wifi>,
 }
 

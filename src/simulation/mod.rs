@@ -23,11 +23,11 @@ use tokio_util::sync::CancellationToken;
 
 pub use self::recorder::{Event, EventKind, Recorder, now};
 pub use self::sim_clock::{ClockMode, SimClock, TimeScale};
-use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, PilotPlan, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, STACK};
-use crate::pilot::{Connector, Reactions, Settings, Status};
+use crate::pilot::{Connector, Settings, Status};
 use crate::robot::channel::Request;
-use crate::robot::{Bus, Pictures, Streams};
+use crate::robot::{Bus, Streams};
 use crate::safety::Limits;
 use crate::sim::{self, Handle, World};
 use crate::vision::Camera;
@@ -109,6 +109,16 @@ impl Simulation {
         self.began.elapsed()
     }
 
+    /// Returns the token that ends its runs.
+    pub fn stop(&self) -> CancellationToken {
+        self.options.stop.clone()
+    }
+
+    /// Returns the clock that people control, if it has one.
+    pub fn sim_clock(&self) -> Option<SimClock> {
+        self.options.sim_clock.clone()
+    }
+
     /// Returns the simulation's seed.
     pub fn seed(&self) -> u64 {
         self.options.seed
@@ -119,13 +129,53 @@ impl Simulation {
     /// Agents may run one after another; each finds the robot in the state in which the previous
     /// one left it.
     pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
-        Running::start(self.sim.clone(), &self.options, behaviours, limit)
+        let plan = Plan {
+            limit,
+            stays: self.options.sim_clock.is_some(),
+            ..self.plan(behaviours)
+        };
+        let stop = self.options.stop.child_token();
+        let (agent, status) = Agent::new(plan);
+        Running {
+            status,
+            requests: agent.requests(),
+            agent: tokio::task::spawn_local(agent.run(stop.clone())),
+            stop,
+        }
     }
 
     /// Returns the plan of an agent for this simulation's robot, for callers that create the agent
     /// themselves, such as a service. Run that agent within the simulation.
-    pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
-        plan(self.sim.clone(), &self.options, behaviours)
+    ///
+    /// A simulated robot's camera is known: its world's counts, not the config's.
+    pub fn plan(&self, mut behaviours: Vec<Behaviour>) -> Plan {
+        let options = &self.options;
+        let camera = self.sim.world().camera.calibrated();
+        for behaviour in &mut behaviours {
+            behaviour.launch.options.camera = camera;
+        }
+        Plan {
+            behaviours,
+            specs: Vec::new(),
+            stays: false,
+            limit: None,
+            pilot: PilotPlan {
+                settings: Settings {
+                    limits: options.limits.clone(),
+                    simulated: true,
+                    seed: options.seed,
+                    link: link::Options::default(),
+                    waits: false,
+                    streams: options.streams,
+                },
+                connector: connector(self.sim.clone(), options.sim.login.clone()),
+                launcher: Launcher::in_this_thread(),
+                core: runtime::Handle::current(),
+                heartbeat: None,
+                rescue: rescue(options, camera),
+                bus: options.bus.clone(),
+            },
+        }
     }
 
     fn record_end(&self) {
@@ -150,50 +200,13 @@ pub struct Running {
     stop: CancellationToken,
     status: watch::Receiver<Status>,
     requests: mpsc::Sender<Request>,
-    roster: Roster,
-    pictures: watch::Receiver<Pictures>,
-    reactions: Reactions,
     agent: JoinHandle<Result<Outcome, AgentError>>,
 }
 
 impl Running {
-    fn start(
-        sim: Handle,
-        options: &Options,
-        behaviours: Vec<Behaviour>,
-        limit: Option<Duration>,
-    ) -> Running {
-        let plan = Plan {
-            limit,
-            stays: options.sim_clock.is_some(),
-            ..plan(sim, options, behaviours)
-        };
-        let stop = options.stop.child_token();
-        let (agent, status) = Agent::new(plan);
-        let requests = agent.requests();
-        let roster = agent.roster();
-        let pictures = agent.pictures();
-        let reactions = agent.reactions();
-        let agent = tokio::task::spawn_local(agent.run(stop.clone()));
-        Running {
-            stop,
-            status,
-            requests,
-            roster,
-            pictures,
-            reactions,
-            agent,
-        }
-    }
-
     /// Requests an orderly end: scripts run their last words, then the link is closed.
     pub fn stop(&self) {
         self.stop.cancel();
-    }
-
-    /// Returns a token that has the same effect as [`Running::stop`] when cancelled.
-    pub fn stopper(&self) -> CancellationToken {
-        self.stop.clone()
     }
 
     /// Returns a receiver of the latest status of robot and watchdog, as shown on the status line.
@@ -205,24 +218,14 @@ impl Running {
         self.requests.clone()
     }
 
-    /// Returns the roster, through which behaviours are started and stopped.
-    pub fn roster(&self) -> Roster {
-        self.roster.clone()
-    }
-
-    /// Returns a receiver of the camera's pictures.
-    pub fn pictures(&self) -> watch::Receiver<Pictures> {
-        self.pictures.clone()
-    }
-
-    /// Returns the measured reaction times, from a frame to a track command.
-    pub fn reactions(&self) -> Reactions {
-        self.reactions.clone()
-    }
-
     /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
     /// that end, this never returns.
     pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
+        self.ended().await
+    }
+
+    /// The same once, for callers that wait for other things too. Cancel-safe.
+    pub async fn ended(&mut self) -> Result<Outcome, AgentError> {
         match (&mut self.agent).await {
             Ok(outcome) => outcome,
             Err(_) => Err(AgentError::Broken("the agent")),
@@ -233,34 +236,6 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.agent.abort();
-    }
-}
-
-/// A simulated robot's camera is known: its world's counts, not the config's.
-fn plan(sim: Handle, options: &Options, mut behaviours: Vec<Behaviour>) -> Plan {
-    let camera = sim.world().camera.calibrated();
-    for behaviour in &mut behaviours {
-        behaviour.launch.options.camera = camera;
-    }
-    Plan {
-        behaviours,
-        specs: Vec::new(),
-        stays: false,
-        settings: Settings {
-            limits: options.limits.clone(),
-            simulated: true,
-            seed: options.seed,
-            link: link::Options::default(),
-            waits: false,
-            streams: options.streams,
-        },
-        connector: connector(sim, options.sim.login.clone()),
-        launcher: Launcher::in_this_thread(),
-        core: runtime::Handle::current(),
-        heartbeat: None,
-        rescue: rescue(options, camera),
-        limit: None,
-        bus: options.bus.clone(),
     }
 }
 

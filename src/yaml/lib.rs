@@ -156,6 +156,37 @@ pub fn known_text<'de, D: Deserializer<'de>, T>(
     })
 }
 
+/// Reads `null` as none, and anything else as the visitor does, which must know every form in
+/// which a value may be written.
+pub fn optional<'de, D: Deserializer<'de>, V: Visitor<'de>>(
+    from: D,
+    visitor: V,
+) -> Result<Option<V::Value>, D::Error> {
+    from.deserialize_option(OptionalVisitor(visitor))
+}
+
+struct OptionalVisitor<V>(V);
+
+impl<'de, V: Visitor<'de>> Visitor<'de> for OptionalVisitor<V> {
+    type Value = Option<V::Value>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.expecting(f)
+    }
+
+    fn visit_none<E: Error>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_unit<E: Error>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_some<D: Deserializer<'de>>(self, from: D) -> Result<Self::Value, D::Error> {
+        from.deserialize_any(self.0).map(Some)
+    }
+}
+
 struct TextVisitor<'a, P> {
     expected: &'a str,
     parse: P,

@@ -6,7 +6,7 @@ use std::process::{Child, Command as Process, Stdio};
 use std::time::Duration;
 
 use rustix::process::{Pid, Signal};
-use spykee::agent::{Agent, Behaviour, Plan};
+use spykee::agent::{Agent, Behaviour, PilotPlan, Plan};
 use spykee::behaviour::{
     Handle, HostContext, Launch, Launcher, Library, Prepared, RestartPolicy, Supervisor,
 };
@@ -328,26 +328,28 @@ fn agent_that_is_told_to_reload() {
             behaviours: vec![behaviour],
             specs: Vec::new(),
             stays: false,
-            settings: Settings {
-                limits: spykee::safety::Limits::default(),
-                simulated: true,
-                seed: 1,
-                link,
-                waits: false,
-                streams: Default::default(),
-            },
-            connector: Box::new(move |words| {
-                let target = target.clone();
-                let login = login.clone();
-                let times = times.clone();
-                Box::pin(async move { link::connect(&target, &login, words, &times).await })
-            }),
-            launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
-            core: tokio::runtime::Handle::current(),
-            heartbeat: None,
-            rescue: None,
             limit: None,
-            bus: Default::default(),
+            pilot: PilotPlan {
+                settings: Settings {
+                    limits: spykee::safety::Limits::default(),
+                    simulated: true,
+                    seed: 1,
+                    link,
+                    waits: false,
+                    streams: Default::default(),
+                },
+                connector: Box::new(move |words| {
+                    let target = target.clone();
+                    let login = login.clone();
+                    let times = times.clone();
+                    Box::pin(async move { link::connect(&target, &login, words, &times).await })
+                }),
+                launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
+                core: tokio::runtime::Handle::current(),
+                heartbeat: None,
+                rescue: None,
+                bus: Default::default(),
+            },
         };
         let (agent, _status) = Agent::new(plan);
         agent.run(Default::default()).await.unwrap();

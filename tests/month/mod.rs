@@ -12,15 +12,16 @@ use jiff::tz::TimeZone;
 use jiff::{SignedDuration, Timestamp, ToSpan as _, Zoned};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use spykee::agent::{AgentError, BehaviourSpec, Bus, Outcome};
-use spykee::clock::Span;
+use spykee::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome};
+use spykee::clock::{Clock, Span};
 use spykee::journal::{Options, RunInfo, SimulationJournal};
 use spykee::robot::{Priority, Streams, Use};
-use spykee::service::{RecordFile, Service, ServicePlan};
+use spykee::service::{ManagerNotifier, RecordFile, Service, ServicePlan, View};
 use spykee::sim::World;
 use spykee::simulation::Simulation;
 use spykee::timetable::{Rule, Timetable};
 use spykee::{clock, script, simulation};
+use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
@@ -315,9 +316,22 @@ impl ServiceFixture {
         let journal = SimulationJournal::start(&bus, data, KEEPS, about);
         let service_plan = service_plan(data, seed);
         let mut plan = simulation.plan(Vec::new());
-        plan.bus = bus;
-        let record = RecordFile::open_in_simulation(data);
-        let service = Service::in_simulation(plan, service_plan, record);
+        plan.stays = true;
+        plan.specs = service_plan.specs.clone();
+        plan.pilot.settings.waits = true;
+        plan.pilot.bus = bus.clone();
+        let (agent, status) = Agent::new(plan);
+        let service = Service {
+            agent,
+            status,
+            clock: Clock::default(),
+            service_plan,
+            record: RecordFile::open_in_simulation(data),
+            notifier: ManagerNotifier::default(),
+            bus,
+            view: View::channel().0,
+            reloads: mpsc::channel(1).1,
+        };
         let stop = CancellationToken::new();
         let service = tokio::task::spawn_local(service.run(stop.clone()));
         ServiceFixture {
@@ -363,6 +377,7 @@ fn service_plan(data: &Path, seed: u64) -> ServicePlan {
     };
     ServicePlan {
         specs: specs.collect(),
+        fingerprints: Default::default(),
         always: Vec::new(),
         table: Timetable {
             rules: vec![

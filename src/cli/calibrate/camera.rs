@@ -89,11 +89,10 @@ fn measure(source: &Path, camera: Camera, paper: Paper, jpeg: &[u8]) -> Result<S
 
 fn report(args: &CameraArgs, found: &SheetPose, configured: Camera) -> Result<Exit, Failure> {
     if args.json {
-        print_json(&as_json(found))?;
+        print_json(&as_json(found))
     } else {
-        print(&as_text(found, configured))?;
+        print(&as_text(found, configured))
     }
-    Ok(Exit::Done)
 }
 
 fn help(error: SheetError) -> &'static str {

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::driver::{Driver, drive};
+use super::driver::{Driver, drive_target};
 use super::settings::CommandSettings;
 use super::world::EmbeddedSim;
-use super::{ConnectionArgs, Exit, Failure, block_on, print, print_json};
+use super::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::pilot::Status;
 use crate::robot::{MotionEnd, Setpoint};
 use crate::safety::WatchdogState;
@@ -86,20 +86,18 @@ pub(super) fn run(args: &CalibrateArgs, settings: &CommandSettings) -> Result<Ex
     }
     let seed = args.seed.unwrap_or_else(rand::random);
     let target = args.connection.resolve(settings, seed)?;
-    let parts = target.driver_parts(seed)?;
     let simulator = target.sim.as_ref().map(EmbeddedSim::handle);
     let mut measured = None;
-    let measuring = drive(parts, async |driver| {
+    let exit = drive_target(&target, seed, async |driver| {
         let round = match &simulator {
             Some(handle) => measure_in_simulator(driver, handle).await?,
             None => measure_with_person(driver, args.json).await?,
         };
         measured = Some(round.calibration()?);
         Ok(Exit::Done)
-    });
-    let exit = block_on(measuring)??;
+    })?;
     match measured {
-        Some(calibration) => conclude(args.json, calibration).map(|()| Exit::Done),
+        Some(calibration) => conclude(args.json, calibration),
         None => Ok(exit),
     }
 }
@@ -124,7 +122,8 @@ pub(super) async fn drive_once(
     duration: Duration,
 ) -> Result<(), Failure> {
     ready(driver.status())?;
-    let end = driver.run(setpoint, duration).await?;
+    let drives = driver.ask(async |client| client.run(setpoint, duration).await);
+    let end = drives.await?;
     let (exit, help) = match end {
         MotionEnd::Done => return Ok(()),
         MotionEnd::Safety => (Exit::Safety, "charge the robot first"),
@@ -138,7 +137,7 @@ pub(super) async fn drive_once(
     Err(Failure::new(exit, what).help(help))
 }
 
-fn conclude(json: bool, calibration: Calibration) -> Result<(), Failure> {
+fn conclude(json: bool, calibration: Calibration) -> Result<Exit, Failure> {
     let Calibration {
         track_width,
         full_speed,
@@ -240,7 +239,7 @@ async fn ask(
 /// Prints to the person: on stdout, or on stderr if stdout is for JSON.
 fn say(json: bool, text: &str) -> Result<(), Failure> {
     if !json {
-        return print(text);
+        return print(text).map(drop);
     }
     let mut err = std::io::stderr().lock();
     err.write_all(sanitize::text(text, false).as_bytes())
@@ -272,7 +271,9 @@ fn line() -> Result<String, Failure> {
 /// Drives back and forth, short and long, and turns each way: the robot ends where it began.
 async fn measure_in_simulator(driver: &mut Driver, sim: &Handle) -> Result<Measured, Failure> {
     if driver.status().safety == WatchdogState::Docked && !driver.status().low {
-        driver.undock(LEAVING).await?;
+        driver
+            .ask(async |client| client.undock(LEAVING).await)
+            .await?;
     }
     ready(driver.status())?;
     let mut speeds = Vec::new();

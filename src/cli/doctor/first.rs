@@ -15,9 +15,10 @@ use tokio::time::{Instant, sleep};
 use self::moving::LinkCut;
 use super::DoctorArgs;
 use super::network::{execution, per_second};
+use crate::agent::PilotPlan;
 use crate::cli::calibrate::answer;
-use crate::cli::driver::{Driver, DriverParts, drive};
-use crate::cli::interrupt::interruption;
+use crate::cli::driver::{Driver, drive};
+use crate::cli::interrupt::unless_interrupted;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
@@ -61,7 +62,8 @@ struct Finding {
 
 /// What is known so far, and what the steps need of it.
 struct Walk {
-    person: Person,
+    /// Nobody is beside the robot, and every motion is allowed.
+    yes: bool,
     camera: Camera,
     /// At this level it may not leave its station.
     low: Percent,
@@ -72,12 +74,7 @@ struct Walk {
     watchdog: Vec<&'static str>,
 }
 
-/// The person beside the robot; or nobody, and every motion is allowed.
-struct Person {
-    yes: bool,
-}
-
-impl Person {
+impl Walk {
     /// Whether a motion may begin.
     async fn agrees(&self, question: &str) -> Result<bool, Failure> {
         let question = format!("{question} Enter: yes, s: skip it");
@@ -94,9 +91,6 @@ impl Person {
         let help = "with --yes nobody is asked before a motion";
         answer().await.map_err(|failure| failure.help(help))
     }
-}
-
-impl Walk {
     fn measured(&mut self, what: &'static str, found: &str) -> Result<(), Failure> {
         self.note("measured", what, found)
     }
@@ -133,9 +127,9 @@ impl Walk {
 pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let seed = rand::random();
     let robot = args.connection.resolve(settings, seed)?;
-    let parts = robot.driver_parts(seed)?;
+    let (_core, plan) = robot.driver_plan(seed)?;
     let mut walk = Walk {
-        person: Person { yes: args.yes },
+        yes: args.yes,
         camera: robot.config.camera,
         low: robot.config.watchdog.low,
         is_docked: true,
@@ -146,7 +140,7 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     if robot.sim.is_none() {
         walk.lines.push(format!("robot: {}", robot.address));
     }
-    let exit = block_on(find_out(&mut walk, parts))?;
+    let exit = block_on(find_out(&mut walk, plan))?;
     print(&walk.summary())?;
     let exit = exit?;
     if exit == Exit::Done {
@@ -155,27 +149,24 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     Ok(exit)
 }
 
-async fn find_out(walk: &mut Walk, parts: DriverParts) -> Result<Exit, Failure> {
-    let (mut connector, cut) = LinkCut::new(parts.connector);
-    let interrupted = interruption()?;
+async fn find_out(walk: &mut Walk, plan: PilotPlan) -> Result<Exit, Failure> {
+    let (mut connector, cut) = LinkCut::new(plan.connector);
     print(INTRODUCTION)?;
-    let standing = tokio::select! {
-        biased;
-        () = interrupted => return Ok(Exit::Interrupted),
-        standing = stand(walk, &mut connector) => standing,
-    };
-    standing?;
+    match unless_interrupted(stand(walk, &mut connector)).await? {
+        Some(standing) => standing?,
+        None => return Ok(Exit::Interrupted),
+    }
     let settings = Settings {
         // It may take a moment until the robot notices that the first connection has ended.
         waits: true,
-        ..moving::as_reported(parts.settings)
+        ..moving::as_reported(plan.settings)
     };
-    let parts = DriverParts {
+    let plan = PilotPlan {
         connector,
         settings,
-        ..parts
+        ..plan
     };
-    drive(parts, async |driver| move_about(walk, driver, &cut).await).await
+    drive(plan, async |driver| move_about(walk, driver, &cut).await).await
 }
 
 /// The steps without the tracks, over a plain link.
@@ -209,7 +200,7 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
          searches.\n",
     )?;
     let asks = "Could it fall where it drives, from stairs or an edge (y/n)? Enter: not known";
-    match walk.person.types(asks).await?.as_str() {
+    match walk.types(asks).await?.as_str() {
         "y" => {
             walk.watchdog.extend(["blind_moves: false", "rescue: off"]);
             walk.asked(
@@ -312,7 +303,7 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
         Some(_) => "Is the way free?",
         None => "Its level is not known. Has it charged for an hour, and is the way free?",
     };
-    if !walk.person.agrees(asks).await? {
+    if !walk.agrees(asks).await? {
         return walk.unknown(WHAT, "skipped");
     }
     let Some(views) = watch_leaving(walk.camera, session).await? else {
@@ -321,7 +312,7 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
     walk.is_docked = false;
     let seen = drove_forwards(&views.iter().collect::<Vec<_>>());
     let asks = "Did it leave forwards (f) or backwards (b)? Enter: as its pictures say";
-    match (walk.person.types(asks).await?.as_str(), seen) {
+    match (walk.types(asks).await?.as_str(), seen) {
         ("f", _) => walk.asked(WHAT, "forwards"),
         ("b", _) => walk.asked(WHAT, "backwards"),
         (_, Some(true)) => walk.measured(WHAT, "forwards"),
@@ -368,7 +359,7 @@ async fn watch_leaving(
 }
 
 /// Writes the config, or prints its lines if there is one.
-fn conclude(walk: &Walk, path: &Path) -> Result<(), Failure> {
+fn conclude(walk: &Walk, path: &Path) -> Result<Exit, Failure> {
     let mut lines = walk.lines.clone();
     if !walk.watchdog.is_empty() {
         lines.push(format!("watchdog: {{ {} }}", walk.watchdog.join(", ")));

@@ -114,7 +114,7 @@ pub(super) fn run(
     let mut report = DoctorReport {
         json: args.json,
         results: Vec::new(),
-        printed: Ok(()),
+        printed: Ok(Exit::Done),
     };
     let checked = checked_config(settings, console, &mut report);
     for result in [
@@ -164,7 +164,7 @@ fn checked_config(
 struct DoctorReport {
     json: bool,
     results: Vec<CheckResult>,
-    printed: Result<(), Failure>,
+    printed: Result<Exit, Failure>,
 }
 
 impl DoctorReport {

@@ -8,10 +8,10 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{CheckResult, DoctorReport, Verdict};
 use crate::cli::connection::RobotTarget;
-use crate::cli::interrupt::interruption;
+use crate::cli::interrupt::unless_interrupted;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::status::charge;
-use crate::cli::{ConnectionArgs, Exit, Failure, block_on};
+use crate::cli::{ConnectionArgs, Failure, block_on};
 use crate::config::{Config, Effective};
 use crate::link::{self, Executes, Session, Target, discover};
 use crate::robot::Battery;
@@ -61,14 +61,7 @@ pub(super) fn examine(
 }
 
 fn interruptible<T>(checks: impl Future<Output = T>) -> Result<T, Failure> {
-    block_on(async {
-        let interrupted = interruption()?;
-        tokio::select! {
-            biased;
-            () = interrupted => Err(Failure::new(Exit::Interrupted, "interrupted")),
-            done = checks => Ok(done),
-        }
-    })?
+    block_on(unless_interrupted(checks))??.ok_or_else(Failure::interrupted)
 }
 
 fn interfaces() -> CheckResult {

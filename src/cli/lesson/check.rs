@@ -106,7 +106,6 @@ pub(super) fn marks_of(
     let mut jobs = Vec::new();
     for scenario in scenario_file.scenarios() {
         jobs.extend(scenario.seeds().map(|seed| Job {
-            file_number: 0,
             file: &scenario_file,
             scenario,
             seed,
@@ -163,7 +162,7 @@ fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
     }
 }
 
-fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
+fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<Exit, Failure> {
     if let Some(path) = &args.gradescope {
         let text = format!("{:#}\n", gradescope(feedback));
         std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;

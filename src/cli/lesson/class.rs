@@ -13,25 +13,21 @@ const MAX_LEARNERS: usize = 2000;
 const NOTHING: &str = "nothing handed in";
 const TWICE: &str = "handed in twice, under the same name";
 
-#[derive(Debug, PartialEq)]
-pub(super) struct Learner {
-    pub(super) name: String,
-    /// The script, or why there is none.
-    pub(super) script: Result<PathBuf, String>,
-}
+/// Each learner's script, or why there is none, by name.
+pub(super) type Scripts = BTreeMap<String, Result<PathBuf, String>>;
 
 /// What was handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct HandedIn {
-    /// All learners, sorted by name: those in the folder, and those on the list who are not in it.
-    pub(super) learners: Vec<Learner>,
+    /// Those in the folder, and those on the list who are not in it.
+    pub(super) learners: Scripts,
     /// Files in the folder that are no scripts.
     pub(super) others: Vec<String>,
 }
 
 pub(super) fn handed_in(folder: &Path, lesson: &Lesson, list: &[String]) -> io::Result<HandedIn> {
     let nothing = |name: &String| (name.clone(), Err(NOTHING.to_owned()));
-    let mut found: BTreeMap<String, Result<PathBuf, String>> = list.iter().map(nothing).collect();
+    let mut found: Scripts = list.iter().map(nothing).collect();
     let mut others = Vec::new();
     for path in entries(folder)? {
         let (name, script) = if path.is_dir() {
@@ -56,9 +52,8 @@ pub(super) fn handed_in(folder: &Path, lesson: &Lesson, list: &[String]) -> io::
         let words = format!("it has more than {MAX_LEARNERS} learners");
         return Err(io::Error::other(words));
     }
-    let learner = |(name, script)| Learner { name, script };
     Ok(HandedIn {
-        learners: found.into_iter().map(learner).collect(),
+        learners: found,
         others,
     })
 }
@@ -235,12 +230,12 @@ mod tests {
         let shown: Vec<String> = found
             .learners
             .iter()
-            .map(|one| match &one.script {
+            .map(|(name, script)| match script {
                 Ok(path) => {
                     let path = path.strip_prefix(class.path()).unwrap();
-                    format!("{}: {}", one.name, path.display())
+                    format!("{name}: {}", path.display())
                 }
-                Err(why) => format!("{}: {why}", one.name),
+                Err(why) => format!("{name}: {why}"),
             })
             .collect();
         assert_eq!(

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
 use super::check::{Marks, TryArgs, marks_of, read};
-use super::class::{Learner, Pair, handed_in, pairs};
+use super::class::{Pair, handed_in, pairs};
 use super::feedback::sentence;
 use super::{Console, Exit, Failure, aligned, parse_lesson, print};
 use crate::cli::table::csv_cell;
@@ -78,8 +78,11 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
     let mut graded = Vec::new();
-    for learner in found.learners {
-        graded.push(grade(learner, args, console)?);
+    for (name, script) in found.learners {
+        graded.push(Graded {
+            name,
+            ..grade(script, args, console)?
+        });
     }
     let texts: Vec<Option<String>> = graded.iter_mut().map(|one| one.text.take()).collect();
     let class = Class {
@@ -95,8 +98,7 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         class.csv()
     } else {
         class.text()
-    })?;
-    Ok(Exit::Done)
+    })
 }
 
 fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
@@ -110,12 +112,13 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     Ok(names.map(str::to_owned).collect())
 }
 
-fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Graded, Failure> {
-    let mut graded = Graded {
-        name: learner.name,
-        ..Graded::default()
-    };
-    let read = learner.script.and_then(|file| {
+fn grade(
+    script: Result<PathBuf, String>,
+    args: &GradeArgs,
+    console: &Console,
+) -> Result<Graded, Failure> {
+    let mut graded = Graded::default();
+    let read = script.and_then(|file| {
         let source = read(&file).map_err(|why| why.what);
         graded.file = Some(file);
         source

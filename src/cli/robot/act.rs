@@ -146,7 +146,7 @@ pub(super) fn say(args: &SayArgs, settings: &CommandSettings) -> Result<Exit, Fa
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
     drive_robot(&args.target.connection, settings, async |driver| {
-        driver.say(samples).await?;
+        driver.ask(async |client| client.say(samples).await).await?;
         Ok(Exit::Done)
     })
 }

@@ -11,7 +11,7 @@ use crate::cli::settings::CommandSettings;
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::clock;
 use crate::robot::{Battery, RobotInfo};
-use crate::wire::{Command, Report, latin1};
+use crate::wire::{Command, latin1};
 
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct ReportArgs {
@@ -70,7 +70,7 @@ fn show_info(
             "uid": robot.uid, "name": robot.name, "third_name": third_name,
             "firmware": robot.firmware, "address": robot.address, "docked": docked,
             "battery": percent, "charging": charging, "simulated": robot.simulated,
-        }))?;
+        }))
     } else {
         let third = third_name.map_or_else(String::new, |name| {
             format!("third name  {name} (meaning unknown)\n")
@@ -84,9 +84,8 @@ fn show_info(
             robot.address,
             battery.map_or_else(|| "-".to_owned(), describe),
             if docked { "yes" } else { "no" },
-        ))?;
+        ))
     }
-    Ok(Exit::Done)
 }
 
 pub(super) fn battery(args: &ReportArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
@@ -108,11 +107,10 @@ fn show_battery(as_json: bool, battery: Battery, age: u64) -> Result<Exit, Failu
         print_json(&json!({
             "percent": battery.percent, "charging": battery.charging,
             "minutes_left": battery.minutes_left, "age": age,
-        }))?;
+        }))
     } else {
-        print(&format!("{}\n", aged(battery, age)))?;
+        print(&format!("{}\n", aged(battery, age)))
     }
-    Ok(Exit::Done)
 }
 
 fn aged(battery: Battery, age: u64) -> String {
@@ -130,20 +128,19 @@ fn never_connected() -> Failure {
 
 pub(super) fn log(args: &LogArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     with_exclusive_session(&args.connection, settings, async |session| {
-        let pick = |report| match report {
-            Report::Log(text) => Some(text),
-            _ => None,
-        };
-        let text = session.text(Command::LogQuery, "its log", pick).await?;
+        let text = session.text(Command::LogQuery, "its log").await?;
         let text = latin1(&text);
         let text = text.trim_end_matches(['\0', '\r', '\n']);
         if args.json {
             let lines: Vec<&str> = text.lines().collect();
-            print_json(&json!({ "lines": lines }))?;
-        } else if !text.is_empty() {
-            print(&format!("{text}\n"))?;
+            return print_json(&json!({ "lines": lines }));
         }
-        Ok(Exit::Done)
+        print(
+            &text
+                .lines()
+                .map(|line| format!("{line}\n"))
+                .collect::<String>(),
+        )
     })
 }
 

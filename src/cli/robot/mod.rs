@@ -15,9 +15,10 @@ pub(super) use snapshot::{video, with_pictures};
 
 use clap::Subcommand;
 
-use super::driver::{Driver, drive};
+use super::driver::{Driver, drive_target};
+use super::running::SharedTargetArgs;
 use super::settings::CommandSettings;
-use super::{ConnectionArgs, Console, Exit, Failure, block_on};
+use super::{ConnectionArgs, Console, Exit, Failure};
 
 #[derive(Debug, Clone, Subcommand)]
 pub(super) enum RobotCommand {
@@ -30,7 +31,15 @@ pub(super) enum RobotCommand {
     Dock(station::DockArgs),
     Undock(station::UndockArgs),
     Stop(stop::StopArgs),
-    ResetStop(stop::ResetStopArgs),
+    /// Release STOP, so that the robot may move again
+    ///
+    /// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
+    /// person releases it, also in later programs of the same data folder. This releases it in all
+    /// runs and services of the data folder, or only in the one that uses the robot of --robot; with
+    /// --url in the service there; without any, what an earlier program has left behind in the data
+    /// folder.
+    #[command(after_help = "Example: spykee robot reset-stop")]
+    ResetStop(SharedTargetArgs),
     Led(act::LedArgs),
     Play(act::PlayArgs),
     Volume(act::VolumeArgs),
@@ -79,7 +88,7 @@ pub(super) fn run(
     }
 }
 
-/// Drives the robot that the flags or the config name: see [`drive`].
+/// Drives the robot that the flags or the config name: see [`drive_target`].
 fn drive_robot(
     connection: &ConnectionArgs,
     settings: &CommandSettings,
@@ -87,5 +96,5 @@ fn drive_robot(
 ) -> Result<Exit, Failure> {
     let seed = rand::random();
     let target = connection.resolve(settings, seed)?;
-    block_on(drive(target.driver_parts(seed)?, job))?
+    drive_target(&target, seed, job)
 }

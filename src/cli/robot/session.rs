@@ -84,24 +84,30 @@ pub(super) fn with_exclusive_session(
 /// Every login begins with a stop, which may have ended the search for the station of a robot with
 /// a low battery.
 async fn send_home_if_low(session: &mut Session, config: &Config) -> Result<(), LinkError> {
-    let now = Instant::now();
-    let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
-    let docked = session.accepted.docked;
-    let power = session.power;
-    let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
+    let (watchdog, acts) = watchdog_after_login(session, config);
     let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
     session
         .writer
         .set_last_words(watchdog.last_words().commands());
     session.writer.write(&commands).await?;
     if watchdog.low().is_some() && !watchdog.docked() {
-        let level = Battery::reported(power).level();
+        let level = Battery::reported(session.power).level();
         tracing::warn!(
             "the battery is low ({level}): the robot was told to search for its station; \
              `spykee robot dock` waits until it is there"
         );
     }
     Ok(())
+}
+
+/// The watchdog at the beginning of this session, and what it wants done.
+pub(super) fn watchdog_after_login(session: &Session, config: &Config) -> (Watchdog, Vec<Act>) {
+    let now = Instant::now();
+    let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
+    let docked = session.accepted.docked;
+    let power = session.power;
+    let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
+    (watchdog, acts)
 }
 
 impl RobotSession {
@@ -170,10 +176,15 @@ impl RobotSession {
         &mut self,
         ask: Command,
         what: &str,
-        pick: impl Fn(Report) -> Option<Bytes>,
     ) -> Result<Vec<Bytes>, Failure> {
-        self.send(&[ask]).await?;
-        let Some(first) = self.receive(REPLY_TIMEOUT, &pick).await? else {
+        self.send(std::slice::from_ref(&ask)).await?;
+        let pick = |report| match (&ask, report) {
+            (Command::ConfigQuery, Report::Config(text))
+            | (Command::LogQuery, Report::Log(text))
+            | (Command::NetworksQuery, Report::Networks(text)) => Some(text),
+            _ => None,
+        };
+        let Some(first) = self.receive(REPLY_TIMEOUT, pick).await? else {
             let seconds = REPLY_TIMEOUT.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
@@ -182,7 +193,7 @@ impl RobotSession {
         let mut length = first.len();
         let mut messages = vec![first];
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
-            let Some(more) = self.receive(QUIET, &pick).await? else {
+            let Some(more) = self.receive(QUIET, pick).await? else {
                 break;
             };
             length += more.len();
@@ -192,12 +203,7 @@ impl RobotSession {
     }
 
     /// Requests a text and joins its messages.
-    pub(super) async fn text(
-        &mut self,
-        ask: Command,
-        what: &str,
-        pick: impl Fn(Report) -> Option<Bytes>,
-    ) -> Result<Bytes, Failure> {
-        Ok(self.messages(ask, what, pick).await?.concat().into())
+    pub(super) async fn text(&mut self, ask: Command, what: &str) -> Result<Bytes, Failure> {
+        Ok(self.messages(ask, what).await?.concat().into())
     }
 }

@@ -10,9 +10,7 @@ use super::session::{RobotSession, with_exclusive_session};
 use crate::cli::settings::CommandSettings;
 use crate::cli::table::aligned;
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
-use crate::wire::{
-    Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
-};
+use crate::wire::{Command, Network, Setting, join_settings, parse_networks, parse_settings};
 
 /// Printed in place of a secret value.
 const HIDDEN: &str = "***";
@@ -44,11 +42,10 @@ pub(super) fn config(args: &SettingArgs, used: &CommandSettings) -> Result<Exit,
     with_exclusive_session(&args.connection, used, async |session| {
         let settings = change(session, args, &wanted, |_| true).await?;
         if args.json {
-            print_json(&object(&settings))?
+            print_json(&object(&settings))
         } else {
-            print(&table(&settings))?
+            print(&table(&settings))
         }
-        Ok(Exit::Done)
     })
 }
 
@@ -62,19 +59,12 @@ pub(super) fn wifi(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, F
     }
     with_exclusive_session(&args.connection, used, async |session| {
         let own = change(session, args, &wanted, concerns_network).await?;
-        let pick = |report| match report {
-            Report::Networks(text) => Some(text),
-            _ => None,
-        };
-        let text = session
-            .text(Command::NetworksQuery, "networks", pick)
-            .await?;
-        show_networks(&parse_networks(&text), &own, args.json)?;
-        Ok(Exit::Done)
+        let text = session.text(Command::NetworksQuery, "networks").await?;
+        show_networks(&parse_networks(&text), &own, args.json)
     })
 }
 
-fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<(), Failure> {
+fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<Exit, Failure> {
     if json {
         let network = |network: &Network| {
             json!({
@@ -94,12 +84,8 @@ fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<()
 }
 
 async fn settings(session: &mut RobotSession) -> Result<Vec<Setting>, Failure> {
-    let pick = |report| match report {
-        Report::Config(text) => Some(text),
-        _ => None,
-    };
     let messages = session
-        .messages(Command::ConfigQuery, "its settings", pick)
+        .messages(Command::ConfigQuery, "its settings")
         .await?;
     Ok(parse_settings(&join_settings(&messages)))
 }

@@ -99,11 +99,10 @@ fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
         print_json(&json!({
             "file": file, "bytes": bytes, "width": width, "height": height,
             "damaged_frames": shot.damaged,
-        }))?;
+        }))
     } else {
-        print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))?;
+        print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))
     }
-    Ok(Exit::Done)
 }
 
 /// Looks for an intact frame.

@@ -77,7 +77,8 @@ pub(super) fn dock(args: &DockArgs, settings: &CommandSettings) -> Result<Exit, 
         return show_docked(args.json, docked, run.status.low);
     }
     drive_robot(&args.target.connection, settings, async |driver| {
-        let docked = driver.dock(plan).await?;
+        let docked = driver.ask(async |client| client.dock(plan).await);
+        let docked = docked.await?;
         show_docked(args.json, docked, driver.status().low)
     })
 }
@@ -108,7 +109,8 @@ pub(super) fn undock(args: &UndockArgs, settings: &CommandSettings) -> Result<Ex
         return show_undocked(args.json, end, run.status.low);
     }
     drive_robot(&args.target.connection, settings, async |driver| {
-        let end = driver.undock(limit).await?;
+        let end = driver.ask(async |client| client.undock(limit).await);
+        let end = end.await?;
         show_undocked(args.json, end, driver.status().low)
     })
 }

@@ -7,13 +7,14 @@ use futures_util::future::join_all;
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
+use super::session::watchdog_after_login;
 use crate::cli::connection::RobotTarget;
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{
     REPLY_TIMEOUT, SharedTargetArgs, ask, order, unexpected_reply, uses_robot,
 };
 use crate::cli::settings::CommandSettings;
-use crate::cli::startup::JOURNAL_END;
+use crate::cli::startup::{self, JOURNAL_END};
 use crate::cli::{ConnectionArgs, Exit, Failure, argument, block_on, print};
 use crate::clock::Clock;
 use crate::config::Config;
@@ -21,11 +22,10 @@ use crate::control::{
     self, Client, EmergencyStop, RunRequest, RunResponse, StopAnswer, StoppedRun,
 };
 use crate::guardian;
-use crate::journal::{Journal, JournalReader, RunInfo};
+use crate::journal::{Journal, JournalReader};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::{AgentEvent, Battery, Bus, StopConfirmation, StopKept};
-use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
 /// Pause between two tries.
@@ -208,13 +208,8 @@ async fn keep_stop(config: &Config) -> StopKept {
 
 /// The journal of the data folder, if it has one.
 fn journal(config: &Config, bus: &Bus) -> Option<Journal> {
-    let data = config.data_folder();
-    JournalReader::open(data).ok().flatten()?;
-    let about = RunInfo {
-        target: String::new(),
-        simulated: false,
-    };
-    Journal::start(bus, data, config.journal, about, Clock::default()).ok()
+    JournalReader::open(config.data_folder()).ok().flatten()?;
+    startup::journal(config, bus, "", false, Clock::default())
 }
 
 /// Stops robots over connections of our own, at the same time.
@@ -269,8 +264,7 @@ fn stop_service(service: &Client) -> Result<Exit, Failure> {
     print(&format!(
         "stopped: {words}; the robot does not move until it is released, at the page or with `spykee \
          robot reset-stop`\n"
-    ))?;
-    Ok(Exit::Done)
+    ))
 }
 
 /// Retries until a stop is acknowledged or the time is up. Returns the outcome of the last try that
@@ -310,12 +304,9 @@ async fn try_stop(
     };
     let commands = [Command::Engine(Engage::CancelDock), Command::STOP];
     session.writer.write(&commands).await?;
-    let mut watchdog = Watchdog::new(target.config.watchdog.clone(), Instant::now());
-    let docked = session.accepted.docked;
-    let power = session.power;
-    watchdog.handle(Fact::LinkUp { docked, power }, Instant::now());
+    let (watchdog, _) = watchdog_after_login(&session, &target.config);
     if watchdog.low().is_some() && !watchdog.docked() {
-        let level = Battery::reported(power).level();
+        let level = Battery::reported(session.power).level();
         tracing::warn!(
             "the battery is low ({level}): `spykee robot dock` sends the robot to its station"
         );
@@ -325,39 +316,27 @@ async fn try_stop(
     ))
 }
 
-/// Release STOP, so that the robot may move again
-///
-/// STOP, pressed at the page, through the API, a broker or with `spykee robot stop`, holds until a
-/// person releases it, also in later programs of the same data folder. This releases it in all runs
-/// and services of the data folder, or only in the one that uses the robot of --robot; with --url
-/// in the service there; without any, what an earlier program has left behind in the data folder.
-#[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee robot reset-stop")]
-pub(in crate::cli) struct ResetStopArgs {
-    #[command(flatten)]
-    target: SharedTargetArgs,
-}
-
+/// Releases STOP in all runs and services that are meant, or else in the data folder.
 pub(super) fn reset_stop(
-    args: &ResetStopArgs,
+    target: &SharedTargetArgs,
     settings: &CommandSettings,
 ) -> Result<Exit, Failure> {
-    if args.target.connection.sim.is_some() {
+    if target.connection.sim.is_some() {
         return Err(Failure::usage(
             "--sim starts a new simulated robot, which nobody has stopped",
         ));
     }
     let config = settings.config()?;
-    let runs = match args.target.find_service(settings)? {
+    let runs = match target.find_service(settings)? {
         Some(service) => vec![service],
-        None => runs(config.data_folder(), &args.target.connection)?,
+        None => runs(config.data_folder(), &target.connection)?,
     };
     for run in &runs {
         order(run, &RunRequest::ResetStop, REPLY_TIMEOUT)?;
         print("released: the robot may move again\n")?;
     }
     if runs.is_empty() {
-        reset_in_folder(config)?;
+        return reset_in_folder(config);
     }
     Ok(Exit::Done)
 }
@@ -375,7 +354,7 @@ fn runs(data: &Path, connection: &ConnectionArgs) -> Result<Vec<Client>, Failure
 }
 
 /// Releases what an earlier program has left behind.
-fn reset_in_folder(config: &Config) -> Result<(), Failure> {
+fn reset_in_folder(config: &Config) -> Result<Exit, Failure> {
     let data = config.data_folder();
     match EmergencyStop::remove(data) {
         Ok(true) => {

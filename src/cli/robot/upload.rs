@@ -52,8 +52,7 @@ pub(super) fn upload(
     with_exclusive_session(&args.connection, settings, async |session| {
         send(session, &chunks, console).await?;
         confirm(session).await?;
-        report(args, content.len())?;
-        Ok(Exit::Done)
+        report(args, content.len())
     })
 }
 
@@ -120,7 +119,7 @@ async fn confirm(session: &mut RobotSession) -> Result<(), Failure> {
     Err(Failure::new(Exit::Unreachable, what).help("play the sound to check whether it arrived"))
 }
 
-fn report(args: &UploadArgs, bytes: usize) -> Result<(), Failure> {
+fn report(args: &UploadArgs, bytes: usize) -> Result<Exit, Failure> {
     let slot = &args.slot;
     if args.json {
         return print_json(&json!({ "slot": slot, "bytes": bytes }));

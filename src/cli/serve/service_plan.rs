@@ -1,6 +1,5 @@
 //! Builds the plan of a service from its config, at the start and again at each SIGHUP.
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
@@ -16,18 +15,9 @@ use crate::cli::{Console, Failure, check, live};
 use crate::clock::Clock;
 use crate::config::{Config, Entry, Service, Start};
 use crate::live::RunDefinition;
-use crate::service::{Reload, ServicePlan};
+use crate::service::ServicePlan;
 use crate::timetable::Timetable;
 use crate::vision::Camera;
-
-/// The plan, with fingerprints to detect changes.
-#[derive(Clone)]
-pub(super) struct LoadedPlan {
-    pub(super) service_plan: ServicePlan,
-    /// Fingerprints of the behaviours, by name: see [`fingerprint`].
-    fingerprints: BTreeMap<String, u64>,
-    pub(super) definition: RunDefinition,
-}
 
 /// Builds the plan from the config, at the start and at each reload.
 #[derive(Clone)]
@@ -45,7 +35,8 @@ pub(super) struct PlanLoader {
 }
 
 impl PlanLoader {
-    pub(super) fn load(&self, config: &Config) -> Result<LoadedPlan, Failure> {
+    /// The plan, and what the page shows of it.
+    pub(super) fn load(&self, config: &Config) -> Result<(ServicePlan, RunDefinition), Failure> {
         let loader = BehaviourLoader {
             config,
             file: self.settings.file(),
@@ -79,49 +70,35 @@ impl PlanLoader {
             scripts: behaviours.iter().map(live::script).collect(),
             timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
         };
-        Ok(LoadedPlan {
-            service_plan: ServicePlan {
-                specs,
-                always,
-                table,
-                quiet_alarm: config.quiet_alarm,
-                idle: config.service.clone(),
-            },
+        let service_plan = ServicePlan {
+            specs,
             fingerprints,
-            definition,
-        })
+            always,
+            table,
+            quiet_alarm: config.quiet_alarm,
+            idle: config.service.clone(),
+        };
+        Ok((service_plan, definition))
     }
 
     /// Reloads the config at each SIGHUP; a config with an error changes nothing. Never returns.
     pub(super) async fn reload_on_hangup(
         self,
         mut hangup: Signal,
-        reload: mpsc::Sender<Reload>,
+        reload: mpsc::Sender<ServicePlan>,
         shown: watch::Sender<RunDefinition>,
         mut config: Config,
-        mut loaded: LoadedPlan,
     ) -> Infallible {
         while hangup.recv().await.is_some() {
             tracing::info!("SIGHUP: reloading the settings");
             let loader = self.clone();
             let read = tokio::task::spawn_blocking(move || loader.reload()).await;
             match read {
-                Ok(Ok((new_config, new))) => {
+                Ok(Ok((new_config, (service_plan, definition)))) => {
                     warn_restart_needed(&config, &new_config);
                     config = new_config;
-                    let before = std::mem::replace(&mut loaded, new).fingerprints;
-                    let fingerprints = loaded.fingerprints.iter();
-                    let changed = fingerprints
-                        .filter(|(name, fingerprint)| before.get(*name) != Some(*fingerprint));
-                    let changed = changed.map(|(name, _)| name.clone()).collect();
-                    shown.send_replace(loaded.definition.clone());
-                    let service_plan = loaded.service_plan.clone();
-                    let _ = reload
-                        .send(Reload {
-                            service_plan,
-                            changed,
-                        })
-                        .await;
+                    shown.send_replace(definition);
+                    let _ = reload.send(service_plan).await;
                 }
                 Ok(Err(failure)) => tracing::error!(
                     "the new settings are invalid, the old ones stay in effect: {}",
@@ -133,7 +110,7 @@ impl PlanLoader {
         std::future::pending().await
     }
 
-    fn reload(&self) -> Result<(Config, LoadedPlan), Failure> {
+    fn reload(&self) -> Result<(Config, (ServicePlan, RunDefinition)), Failure> {
         let loader = PlanLoader {
             settings: self.settings.reloaded(),
             ..self.clone()

@@ -1,5 +1,6 @@
 //! Runs scenarios in parallel, each in its own process, until all are done or a signal arrives.
 
+use std::io;
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -14,8 +15,6 @@ use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, Scen
 
 #[derive(Clone, Copy)]
 pub(in crate::cli) struct Job<'a> {
-    /// The file's number among those that the command was given.
-    pub(in crate::cli) file_number: usize,
     pub(in crate::cli) file: &'a ScenarioFile,
     pub(in crate::cli) scenario: &'a Scenario,
     pub(in crate::cli) seed: u64,
@@ -55,13 +54,11 @@ impl JobPool {
         &self,
         jobs: &[Job<'a>],
         console: &Console,
-        mut take: impl FnMut(JobResult<'a>),
+        take: impl FnMut(JobResult<'a>),
     ) -> Result<bool, Failure> {
         let runtime = runtime()?;
         let next = AtomicUsize::new(0);
-        let (done, mut finished) = mpsc::channel(16);
-        let mut count = 0;
-        let mut failed = 0;
+        let (done, finished) = mpsc::channel(16);
         thread::scope(|scope| {
             for _ in 0..self.threads.min(jobs.len()) {
                 let done = done.clone();
@@ -72,42 +69,53 @@ impl JobPool {
                     .map_err(no_simulation)?;
             }
             drop(done);
-            runtime.block_on(async {
-                let interrupted = interruption()?;
-                tokio::pin!(interrupted);
-                let stop = &self.settings.stop;
-                loop {
-                    tokio::select! {
-                        result = finished.recv() => match result {
-                            None => break,
-                            Some(Err(error)) => {
-                                stop.cancel();
-                                return Err(no_simulation(error));
-                            }
-                            Some(Ok(done)) if !stop.is_cancelled() => {
-                                count += 1;
-                                failed += usize::from(done.result.failure.is_some());
-                                let progress = progress(count, jobs.len(), failed);
-                                let file = done.job.file.file().display();
-                                console.status(format!("{progress} · {file}"));
-                                take(done);
-                            }
-                            Some(Ok(_)) => {}
-                        },
-                        () = &mut interrupted, if !stop.is_cancelled() => stop.cancel(),
-                    }
-                }
-                console.status("");
-                Ok(!stop.is_cancelled())
-            })
+            runtime.block_on(self.collect(finished, jobs.len(), console, take))
         })
+    }
+
+    /// Takes all results; returns whether none is missing.
+    async fn collect<'a>(
+        &self,
+        mut finished: mpsc::Receiver<io::Result<JobResult<'a>>>,
+        all: usize,
+        console: &Console,
+        mut take: impl FnMut(JobResult<'a>),
+    ) -> Result<bool, Failure> {
+        let interrupted = interruption()?;
+        tokio::pin!(interrupted);
+        let stop = &self.settings.stop;
+        let mut count = 0;
+        let mut failed = 0;
+        loop {
+            tokio::select! {
+                result = finished.recv() => match result {
+                    None => break,
+                    Some(Err(error)) => {
+                        stop.cancel();
+                        return Err(no_simulation(error));
+                    }
+                    Some(Ok(done)) if !stop.is_cancelled() => {
+                        count += 1;
+                        failed += usize::from(done.result.failure.is_some());
+                        let progress = progress(count, all, failed);
+                        let file = done.job.file.file().display();
+                        console.status(format!("{progress} · {file}"));
+                        take(done);
+                    }
+                    Some(Ok(_)) => {}
+                },
+                () = &mut interrupted, if !stop.is_cancelled() => stop.cancel(),
+            }
+        }
+        console.status("");
+        Ok(!stop.is_cancelled())
     }
 
     fn work<'a>(
         &self,
         jobs: &[Job<'a>],
         next: &AtomicUsize,
-        done: &mpsc::Sender<std::io::Result<JobResult<'a>>>,
+        done: &mpsc::Sender<io::Result<JobResult<'a>>>,
     ) {
         while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
             if self.settings.stop.is_cancelled() {
@@ -143,6 +151,6 @@ fn progress(count: usize, all: usize, failed: usize) -> String {
     }
 }
 
-fn no_simulation(error: std::io::Error) -> Failure {
+fn no_simulation(error: io::Error) -> Failure {
     Failure::io("run the scenario", error)
 }

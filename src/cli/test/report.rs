@@ -16,20 +16,15 @@ use crate::cli::{self, plural};
 use crate::clock::hours;
 use crate::files::Folder;
 use crate::sanitize;
-use crate::scenario::{Failure, Snapshot};
+use crate::scenario::{Failure, ScenarioFileError, Snapshot};
 
 /// The results of all runs.
 pub(super) struct Report<'a> {
-    files: Vec<FileReport<'a>>,
-    pictures: PathBuf,
-}
-
-struct FileReport<'a> {
-    file: String,
-    /// Why its scenarios cannot be run, if they cannot.
-    broken: Option<String>,
+    files: &'a [TestFile],
     runs: Vec<Run<'a>>,
-    printed: bool,
+    /// How many files are in the text so far.
+    printed: usize,
+    pictures: PathBuf,
 }
 
 /// One scenario with one seed.
@@ -41,41 +36,31 @@ struct Run<'a> {
 }
 
 impl<'a> Report<'a> {
-    pub(super) fn new(test_files: &[TestFile], jobs: &[Job<'a>], pictures: PathBuf) -> Report<'a> {
-        let file_report = |(number, file): (usize, &TestFile)| {
-            let own = jobs.iter().filter(|job| job.file_number == number);
-            let run = |job: &Job<'a>| Run {
-                job: *job,
-                outcome: None,
-                picture: None,
-            };
-            FileReport {
-                file: file.file.display().to_string(),
-                broken: file.scenario_file.as_ref().err().map(ToString::to_string),
-                runs: own.map(run).collect(),
-                printed: false,
-            }
+    pub(super) fn new(files: &'a [TestFile], jobs: &[Job<'a>], pictures: PathBuf) -> Report<'a> {
+        let run = |job: &Job<'a>| Run {
+            job: *job,
+            outcome: None,
+            picture: None,
         };
         Report {
-            files: test_files.iter().enumerate().map(file_report).collect(),
+            files,
+            runs: jobs.iter().map(run).collect(),
+            printed: 0,
             pictures,
         }
     }
 
     /// Stores a result, and saves its picture if it failed.
     pub(super) fn take(&mut self, done: JobResult<'a>) {
-        let Some(file) = self.files.get_mut(done.job.file_number) else {
-            return;
-        };
         let is_meant = |run: &&mut Run<'_>| {
-            run.job.scenario.name == done.job.scenario.name && run.job.seed == done.job.seed
+            std::ptr::eq(run.job.scenario, done.job.scenario) && run.job.seed == done.job.seed
         };
-        let Some(run) = file.runs.iter_mut().find(is_meant) else {
+        let Some(run) = self.runs.iter_mut().find(is_meant) else {
             return;
         };
         let failure = done.result.failure.as_ref();
         let snapshot = failure.and_then(|failure| failure.snapshot.as_ref());
-        let name = run.picture_name(&file.file);
+        let name = run.picture_name();
         run.picture = snapshot.map(|snapshot| save(snapshot, &self.pictures, &name));
         run.outcome = Some(done);
     }
@@ -83,21 +68,16 @@ impl<'a> Report<'a> {
     /// The text for the next files, in order, as far as they are complete; each file only once.
     pub(super) fn completed_files(&mut self) -> String {
         let mut text = String::new();
-        for file in &mut self.files {
-            if file.printed {
-                continue;
-            }
-            if file.runs.iter().any(|run| run.outcome.is_none()) {
-                break;
-            }
-            file.printed = true;
-            file.write(&mut text);
+        while let Some(file) = self.files.get(self.printed)
+            && self.runs_of(file).all(|run| run.outcome.is_some())
+        {
+            self.write(file, &mut text);
+            self.printed += 1;
         }
         text
     }
 
     pub(super) fn summary(&self) -> String {
-        let all = self.runs().count();
         let failed = self.failures();
         let done = self.outcomes().count();
         let simulated: Duration = self
@@ -108,75 +88,69 @@ impl<'a> Report<'a> {
         if failed > 0 {
             let _ = write!(text, ", {failed} failed");
         }
-        if done < all {
-            let _ = write!(text, ", {} not run", all - done);
+        if done < self.runs.len() {
+            let _ = write!(text, ", {} not run", self.runs.len() - done);
         }
-        let broken = self.files.iter().filter(|file| file.broken.is_some());
-        match broken.count() {
-            0 => {}
-            count => {
-                let _ = write!(text, ", {} cannot be run", plural(count, "file"));
-            }
+        let broken = self.broken().count();
+        if broken > 0 {
+            let _ = write!(text, ", {} cannot be run", plural(broken, "file"));
         }
         text + &format!("; {} simulated\n", hours(simulated))
     }
 
     /// Whether a run has failed or a file cannot be run.
     pub(super) fn has_failed(&self) -> bool {
-        self.failures() > 0 || self.files.iter().any(|file| file.broken.is_some())
+        self.failures() > 0 || self.broken().next().is_some()
     }
 
     pub(super) fn json(&self) -> Value {
         let failed = self.failures();
-        let runs: Vec<Value> = self
-            .files
-            .iter()
-            .flat_map(|file| file.runs.iter().filter_map(|run| run.json(&file.file)))
-            .collect();
+        let runs: Vec<Value> = self.runs.iter().filter_map(Run::json).collect();
         let broken: Vec<Value> = self
-            .files
-            .iter()
-            .filter_map(|file| {
-                let message = file.broken.as_ref()?;
-                Some(json!({"file": file.file, "message": message}))
-            })
+            .broken()
+            .map(|(file, why)| json!({"file": shown(file), "message": why.to_string()}))
             .collect();
         json!({"passed": runs.len() - failed, "failed": failed, "broken": broken, "runs": runs})
     }
 
-    fn runs(&self) -> impl Iterator<Item = &Run<'a>> {
-        self.files.iter().flat_map(|file| &file.runs)
+    fn runs_of(&self, file: &TestFile) -> impl Iterator<Item = &Run<'a>> {
+        self.runs.iter().filter(|run| file.has(&run.job))
+    }
+
+    /// The files whose scenarios cannot be run.
+    fn broken(&self) -> impl Iterator<Item = (&TestFile, &ScenarioFileError)> {
+        let files = self.files.iter();
+        files.filter_map(|file| Some((file, file.scenario_file.as_ref().err()?)))
     }
 
     fn outcomes(&self) -> impl Iterator<Item = &JobResult<'a>> {
-        self.runs().filter_map(|run| run.outcome.as_ref())
+        self.runs.iter().filter_map(|run| run.outcome.as_ref())
     }
 
     fn failures(&self) -> usize {
-        self.runs().filter(|run| run.failure().is_some()).count()
+        let failed = self.runs.iter().filter(|run| run.failure().is_some());
+        failed.count()
     }
-}
 
-impl FileReport<'_> {
-    fn write(&self, text: &mut String) {
+    fn write(&self, file: &TestFile, text: &mut String) {
         // Writing into a string does not fail.
-        let _ = writeln!(text, "{}", sanitize::line(&self.file));
-        if let Some(broken) = &self.broken {
-            let _ = writeln!(text, "  FAIL  {}\n", indented(broken, 8));
+        let _ = writeln!(text, "{}", sanitize::line(&shown(file)));
+        if let Err(broken) = &file.scenario_file {
+            let _ = writeln!(text, "  FAIL  {}\n", indented(&broken.to_string(), 8));
             return;
         }
         let mut printed = BTreeSet::new();
-        for run in &self.runs {
+        for run in self.runs_of(file) {
             if printed.insert(&run.job.scenario.name) {
-                self.write_scenario(&run.job.scenario.name, text);
+                self.write_scenario(file, &run.job.scenario.name, text);
             }
         }
         text.push('\n');
     }
 
-    fn write_scenario(&self, name: &str, text: &mut String) {
+    fn write_scenario(&self, file: &TestFile, name: &str, text: &mut String) {
         let of_it = |run: &&Run<'_>| run.job.scenario.name == name;
-        let runs: Vec<&Run<'_>> = self.runs.iter().filter(of_it).collect();
+        let runs: Vec<&Run<'_>> = self.runs_of(file).filter(of_it).collect();
         let outcomes = || runs.iter().filter_map(|run| run.outcome.as_ref());
         let simulated: Duration = outcomes().map(|outcome| outcome.result.simulated).sum();
         let passed = outcomes()
@@ -262,8 +236,8 @@ impl Run<'_> {
         text
     }
 
-    fn picture_name(&self, file: &str) -> String {
-        let stem = Path::new(file).file_stem().unwrap_or_default();
+    fn picture_name(&self) -> String {
+        let stem = self.job.file.file().file_stem().unwrap_or_default();
         let slug = |text: &str| -> String {
             let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
             text.chars().take(60).map(plain).collect()
@@ -276,7 +250,7 @@ impl Run<'_> {
         )
     }
 
-    fn json(&self, file: &str) -> Option<Value> {
+    fn json(&self) -> Option<Value> {
         let outcome = self.outcome.as_ref()?;
         let result = &outcome.result;
         let scenario = self.job.scenario;
@@ -296,12 +270,16 @@ impl Run<'_> {
             })
         });
         Some(json!({
-            "file": file, "scenario": scenario.name, "line": scenario.line, "seed": self.job.seed,
+            "file": self.job.file.file().display().to_string(), "scenario": scenario.name, "line": scenario.line, "seed": self.job.seed,
             "points": scenario.options.points, "passed": failure.is_none(),
             "simulated": result.simulated.as_secs_f64(), "seconds": outcome.took.as_secs_f64(),
             "lines": result.lines, "failure": failure,
         }))
     }
+}
+
+fn shown(file: &TestFile) -> String {
+    file.file.display().to_string()
 }
 
 /// Saves a picture, readable only by the user, like all data of the program.
@@ -343,18 +321,23 @@ fn write_junit(report: &Report<'_>) -> io::Result<Vec<u8>> {
             report
                 .files
                 .iter()
-                .try_for_each(|file| write_file(xml, file))
+                .try_for_each(|file| write_file(xml, report, file))
         })?;
     let mut bytes = xml.into_inner();
     bytes.push(b'\n');
     Ok(bytes)
 }
 
-fn write_file(xml: &mut Writer<Vec<u8>>, report: &FileReport<'_>) -> io::Result<()> {
-    let file = report.file.as_str();
-    let errors = usize::from(report.broken.is_some());
+fn write_file(
+    xml: &mut Writer<Vec<u8>>,
+    report: &Report<'_>,
+    test_file: &TestFile,
+) -> io::Result<()> {
+    let file = shown(test_file);
+    let file = file.as_str();
+    let errors = usize::from(test_file.scenario_file.is_err());
     let runs = || {
-        let runs = report.runs.iter();
+        let runs = report.runs_of(test_file);
         runs.filter_map(|run| Some((run, run.outcome.as_ref()?.took.as_secs_f64())))
     };
     let failures = runs().filter(|(run, _)| run.failure().is_some()).count();
@@ -366,7 +349,8 @@ fn write_file(xml: &mut Writer<Vec<u8>>, report: &FileReport<'_>) -> io::Result<
         .with_attribute(("errors", errors.to_string().as_str()))
         .with_attribute(("time", format!("{seconds:.3}").as_str()))
         .write_inner_content(|xml| {
-            if let Some(broken) = &report.broken {
+            if let Err(broken) = &test_file.scenario_file {
+                let broken = &broken.to_string();
                 write_case(xml, file, "the file", 0.0, Some(("error", broken, broken)))?;
             }
             for (run, took) in runs() {

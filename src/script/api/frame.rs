@@ -124,7 +124,7 @@ fn save(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let name = call.args.get::<String>(0)?;
     let Some(name) = picture_store::file_name(&name) else {
-        return Err(call.args.misuse(picture_store::NAMES));
+        return Err(call.misuse(picture_store::NAMES));
     };
     let now = call.state.now;
     match call.state.picture_store.save(&name, &held.frame.jpeg, now) {

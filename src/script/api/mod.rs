@@ -62,6 +62,10 @@ type Native = fn(&mut Call<'_>) -> NativeResult;
 type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
+    fn misuse(&self, words: &str) -> Refusal {
+        self.args.misuse(words)
+    }
+
     fn reply(&self, values: impl IntoLuaMulti) -> NativeResult {
         Ok(Reply::Values(values.into_lua_multi(self.lua)?))
     }
@@ -71,12 +75,12 @@ impl Call<'_> {
     /// also prevented from continuing.
     fn may_wait(&mut self) -> Result<(), Refusal> {
         if !self.yieldable || !self.state.can_wait {
-            return Err(self.args.misuse(
+            return Err(self.misuse(
                 "nothing can wait here, inside a table.sort or gsub function or a metamethod",
             ));
         }
         let Some(task) = self.state.tasks.running() else {
-            return Err(self.args.misuse("nothing can wait here"));
+            return Err(self.misuse("nothing can wait here"));
         };
         match task.cancel {
             Cancel::No => Ok(()),
@@ -118,7 +122,7 @@ impl Call<'_> {
         let what = function.owner().to_lowercase();
         let key = function.key();
         let words = format!("call it on a {what} with a colon, like {what}:{key}()");
-        self.args.misuse(&words)
+        self.misuse(&words)
     }
 
     /// Refuses to start anything new once the script is ending.
@@ -126,9 +130,7 @@ impl Call<'_> {
         if self.state.is_running() {
             return Ok(());
         }
-        Err(self
-            .args
-            .misuse("the script is ending, nothing new can begin"))
+        Err(self.misuse("the script is ending, nothing new can begin"))
     }
 
     /// Sends an intent, unless the queue is full.
@@ -141,7 +143,7 @@ impl Call<'_> {
     /// Switches a stream on, if it is off, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
         let wanted = self.state.need_stream(stream, Demand::Explicit);
-        wanted.map_err(|why| self.args.misuse(&why))
+        wanted.map_err(|why| self.misuse(&why))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {
@@ -149,7 +151,6 @@ impl Call<'_> {
             return Ok(());
         }
         Err(self
-            .args
             .misuse("too many commands at once; put task.wait(0.1) into the loop that sends them"))
     }
 }

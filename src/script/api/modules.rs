@@ -103,19 +103,19 @@ fn requiring_module(call: &Call<'_>) -> ModuleId {
 fn open(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(path) = call.args.value(0) else {
         let words = "the path must be a string, such as require(\"./lib/pid\")";
-        return Err(call.args.misuse(words));
+        return Err(call.misuse(words));
     };
     let bytes = path.as_bytes();
     let path = match std::str::from_utf8(&bytes[..bytes.len().min(1000)]) {
         Ok(path) => path.to_owned(),
-        Err(_) => return Err(call.args.misuse("the path must be UTF-8")),
+        Err(_) => return Err(call.misuse("the path must be UTF-8")),
     };
     drop(bytes);
     let from = requiring_module(call);
     let target = resolve(call.state.modules.folder(from), &path);
-    let target = target.map_err(|why| call.args.misuse(&printable(&why, 400)))?;
+    let target = target.map_err(|why| call.misuse(&printable(&why, 400)))?;
     let Some(task) = call.state.tasks.current else {
-        return Err(call.args.misuse("nothing can be loaded here"));
+        return Err(call.misuse("nothing can be loaded here"));
     };
     let to = match find(call, &target) {
         Some(known) => known,
@@ -147,7 +147,7 @@ fn record_wait(
     let tasks = &call.state.tasks;
     let modules = &mut call.state.modules;
     let recorded = modules.record_wait(from, to, task, |id| tasks.get(id).is_some());
-    recorded.map_err(|why| call.args.misuse(&why))
+    recorded.map_err(|why| call.misuse(&why))
 }
 
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
@@ -166,7 +166,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             added
         }
     };
-    added.map_err(|why| call.args.misuse(&why))
+    added.map_err(|why| call.misuse(&why))
 }
 
 /// Tells the prelude what to do next.
@@ -175,9 +175,9 @@ fn next_step(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> NativeResult {
     match call.state.modules.progress(id) {
         Progress::Loaded => call.reply(("loaded", key)),
         Progress::Failed(text) => call.reply(("failed", text)),
-        Progress::Missing(words) => Err(call.args.misuse(&words)),
+        Progress::Missing(words) => Err(call.misuse(&words)),
         Progress::Ready(function) => run(call, id, key, task, function),
-        Progress::Running(by, _) if by == task => Err(call.args.misuse(&format!(
+        Progress::Running(by, _) if by == task => Err(call.misuse(&format!(
             "'{key}' is still being loaded by this very task; its file must not wait in coroutine.yield"
         ))),
         Progress::Running(by, function) if call.state.tasks.get(by).is_none() => {

@@ -117,7 +117,7 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> NativeRe
     let (setpoint, slowed) = tracks.setpoint(calibration);
     let seconds = way / (speed * slowed);
     if seconds > LONGEST_DRIVE {
-        return Err(call.args.misuse(&format!(
+        return Err(call.misuse(&format!(
             "that would take {seconds:.0} seconds; the most is {LONGEST_DRIVE}"
         )));
     }
@@ -138,7 +138,7 @@ fn start_motion(
     runs_on: Duration,
 ) -> NativeResult {
     let Some(setpoint) = setpoint else {
-        return Err(call.args.misuse("the speeds are not numbers"));
+        return Err(call.misuse("the speeds are not numbers"));
     };
     if !may_move(call) {
         return refused(call, time.is_some());

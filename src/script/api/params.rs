@@ -37,11 +37,11 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 fn declare(call: &mut Call<'_>) -> NativeResult {
     if call.state.declared_params.is_some() {
         let words = "it was called before; declare all parameters in one call";
-        return Err(call.args.misuse(words));
+        return Err(call.misuse(words));
     }
     let LuaValue::Table(table) = call.args.value(0).clone() else {
         let words = "it needs a table, such as {speed = {default = 40, min = 10, max = 100}}";
-        return Err(call.args.misuse(words));
+        return Err(call.misuse(words));
     };
     let mut declared = declarations(call, &table)?;
     let set = declaration::set_given(&mut declared, &call.state.options.params);
@@ -122,16 +122,16 @@ fn declarations(
     for (key, value) in pairs(call, table, "the table")? {
         let LuaValue::String(key) = &key else {
             let words = format!("names are texts, got {}", describe(&key));
-            return Err(call.args.misuse(&words));
+            return Err(call.misuse(&words));
         };
         let name = printable(&key.to_string_lossy(), 60);
         if !is_name(&name) {
             let words = format!("'{name}' is not a name; use letters, digits and _");
-            return Err(call.args.misuse(&words));
+            return Err(call.misuse(&words));
         }
         let LuaValue::Table(about) = value else {
             let words = format!("{name} must be a table, such as {{default = 40}}");
-            return Err(call.args.misuse(&words));
+            return Err(call.misuse(&words));
         };
         declared.insert(name.clone(), declaration(call, name, about)?);
     }
@@ -154,7 +154,7 @@ fn pairs(
     });
     if pairs.len() > MAX_PARAMS {
         let words = format!("{what} may have at most {MAX_PARAMS} entries");
-        return Err(call.args.misuse(&words));
+        return Err(call.misuse(&words));
     }
     Ok(pairs)
 }

@@ -106,21 +106,17 @@ fn volume(call: &mut Call<'_>) -> NativeResult {
 
 fn say(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::Buffer(samples) = call.args.value(0) else {
-        return Err(call
-            .args
-            .misuse("the samples must be a buffer of s16 numbers, see buffer.create"));
+        return Err(call.misuse("the samples must be a buffer of s16 numbers, see buffer.create"));
     };
     let length = samples.len();
     if length > MAX_SPEECH || length % 2 != 0 {
-        return Err(call.args.misuse(&format!(
+        return Err(call.misuse(&format!(
             "the samples must have an even number of bytes, at most {MAX_SPEECH}, got {length}"
         )));
     }
     let always = call.state.options.streams.audio_out == Use::On;
     if !always && !call.state.streams.is_on(Stream::AudioOut) {
-        return Err(call
-            .args
-            .misuse("switch the stream on first: robot.stream(\"audio_out\", true)"));
+        return Err(call.misuse("switch the stream on first: robot.stream(\"audio_out\", true)"));
     }
     call.make_room(length)?;
     let samples = samples.to_vec();
@@ -192,7 +188,7 @@ fn once(call: &mut Call<'_>) -> NativeResult {
 fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
     call.must_be_running()?;
     if call.state.subscriptions.len() >= MAX_SUBSCRIPTIONS {
-        return Err(call.args.misuse(&format!(
+        return Err(call.misuse(&format!(
             "there are {MAX_SUBSCRIPTIONS} handlers already; end some with :off()"
         )));
     }
@@ -218,7 +214,7 @@ pub(super) fn wait_for_event(
     call.may_wait()?;
     let streams = call.state.options.streams;
     match event.stream().map(|stream| streams.allow(stream)) {
-        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why)),
+        Some(Err(why)) if time.is_none() => return Err(call.misuse(&why)),
         _ => listen(call, event),
     }
     call.wait(Wait::Event(event), time)

@@ -64,9 +64,7 @@ fn on_stop(call: &mut Call<'_>) -> NativeResult {
     call.must_be_running()?;
     let function = call.args.get(0)?;
     if call.state.stop_handlers.len() >= MAX_STOP_HANDLERS {
-        return Err(call
-            .args
-            .misuse("at most 16 functions can be called at the end"));
+        return Err(call.misuse("at most 16 functions can be called at the end"));
     }
     call.state.stop_handlers.push_back(function);
     call.reply(())
@@ -87,7 +85,7 @@ fn usage(call: &mut Call<'_>) -> NativeResult {
 /// The shim has already converted the text with `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
-        return Err(call.args.misuse("the text is missing"));
+        return Err(call.misuse("the text is missing"));
     };
     let bytes = text.as_bytes();
     let start = &bytes[..bytes.len().min(MAX_READ)];
@@ -97,9 +95,7 @@ fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
         LuaValue::Nil => Vec::new(),
         LuaValue::Table(table) => convert::fields(table),
         _ => {
-            return Err(call
-                .args
-                .misuse("the fields must be a table, such as {speed = 40}"));
+            return Err(call.misuse("the fields must be a table, such as {speed = 40}"));
         }
     };
     line.line = location(call.lua).map(|location| location.line);
@@ -159,7 +155,7 @@ fn zone(name: &str) -> Zone {
 fn key(call: &Call<'_>) -> Result<String, Refusal> {
     let key = call.args.get::<String>(0)?;
     if key.is_empty() || key.contains('\u{fffd}') {
-        return Err(call.args.misuse("key must be a string in UTF-8, not empty"));
+        return Err(call.misuse("key must be a string in UTF-8, not empty"));
     }
     Ok(key)
 }
@@ -182,13 +178,11 @@ fn store_set(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let value = call.args.value(1);
     if value.is_nil() {
-        return Err(call
-            .args
-            .misuse("value is missing; to remove a key, call store.delete(key)"));
+        return Err(call.misuse("value is missing; to remove a key, call store.delete(key)"));
     }
-    let json = plain::to_json(value, QUOTA).map_err(|why| call.args.misuse(&why))?;
+    let json = plain::to_json(value, QUOTA).map_err(|why| call.misuse(&why))?;
     let set = call.state.store.set(key, json);
-    set.map_err(|full| call.args.misuse(&full))?;
+    set.map_err(|full| call.misuse(&full))?;
     call.reply(())
 }
 
@@ -208,16 +202,16 @@ fn journal_add(call: &mut Call<'_>) -> NativeResult {
     let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if kind.is_empty() || kind.len() > MAX_KIND || !kind.chars().all(plain_word) {
         let words = "kind must be one word of letters, digits, '-' and '_', such as \"moved\"";
-        return Err(call.args.misuse(words));
+        return Err(call.misuse(words));
     }
     let json = match call.args.value(1) {
         LuaValue::Nil => "{}".to_owned(),
         LuaValue::Table(table) if table.raw_len() > 0 => {
             let words = "the fields must have names, such as { energy = 3 }";
-            return Err(call.args.misuse(words));
+            return Err(call.misuse(words));
         }
         fields => plain::to_json(fields, MAX_ENTRY)
-            .map_err(|why| call.args.misuse(&format!("fields: {why}")))?,
+            .map_err(|why| call.misuse(&format!("fields: {why}")))?,
     };
     let now = call.state.now;
     let kept = call
@@ -234,7 +228,7 @@ fn journal_add(call: &mut Call<'_>) -> NativeResult {
 fn notify_send(call: &mut Call<'_>) -> NativeResult {
     let text = call.args.get::<String>(0)?;
     if text.trim().is_empty() {
-        return Err(call.args.misuse("the text is empty"));
+        return Err(call.misuse("the text is empty"));
     }
     let picture: Option<String> = call.args.options(1)?.get("picture")?;
     let picture = match picture {
@@ -259,7 +253,7 @@ fn own_picture(call: &Call<'_>, path: &str) -> Result<String, Refusal> {
     let name = path.file_name().and_then(|name| name.to_str());
     match name.and_then(picture_store::file_name) {
         Some(name) if own => Ok(name),
-        _ => Err(call.args.misuse(
+        _ => Err(call.misuse(
             "picture must be a path that frame:save returned: a picture that this script has saved",
         )),
     }

@@ -136,7 +136,7 @@ fn add(
 ) -> Result<Rc<Handle>, Refusal> {
     call.must_be_running()?;
     if call.state.tasks.len() >= MAX_TASKS {
-        return Err(call.args.misuse(&format!(
+        return Err(call.misuse(&format!(
             "{MAX_TASKS} tasks are running already; end some, or wait for them with :join()"
         )));
     }
@@ -157,12 +157,12 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
                 let number = index + 1;
                 let got = describe(other);
                 let words = format!("argument {number} must be a function, got {got}");
-                Err(call.args.misuse(&words))
+                Err(call.misuse(&words))
             }
         })
         .collect::<Result<Vec<_>, _>>()?;
     if functions.is_empty() && rule == Rule::Race {
-        return Err(call.args.misuse("at least one function is needed"));
+        return Err(call.misuse("at least one function is needed"));
     }
     call.may_wait()?;
     if functions.is_empty() {
@@ -187,7 +187,7 @@ fn run_group(
     time: Option<Duration>,
 ) -> NativeResult {
     let Some(parent) = call.state.tasks.current else {
-        return Err(call.args.misuse("nothing can wait here"));
+        return Err(call.misuse("nothing can wait here"));
     };
     let id = GroupId(call.state.tasks.next_id());
     let mut children = Vec::new();
@@ -224,7 +224,7 @@ fn join(call: &mut Call<'_>) -> NativeResult {
     call.may_wait()?;
     match handle.status.get() {
         Status::Running if call.state.tasks.current == Some(handle.id) => {
-            Err(call.args.misuse("a task cannot wait for itself"))
+            Err(call.misuse("a task cannot wait for itself"))
         }
         Status::Running => call.wait(Wait::Join(handle.id), time),
         status => call.reply((status == Status::Done, status.name())),

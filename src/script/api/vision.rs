@@ -64,7 +64,7 @@ fn count(call: &Call<'_>) -> Result<Rc<()>, Refusal> {
         call.lua.gc_collect()?;
     }
     if Rc::strong_count(watchers) > MAX_WATCHERS {
-        return Err(call.args.misuse(&format!(
+        return Err(call.misuse(&format!(
             "there are {MAX_WATCHERS} trackers and detectors already; make them once, outside of loops"
         )));
     }
@@ -224,7 +224,7 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
 
 fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     let wrong = || {
-        call.args.misuse(&format!(
+        call.misuse(&format!(
             "the first argument must be a list of 1 to {MAX_LEARN_FRAMES} frames"
         ))
     };
@@ -268,7 +268,7 @@ impl Colours {
     fn add_list(&mut self, call: &Call<'_>, list: &LuaTable) -> Result<(), Refusal> {
         let count = list.raw_len();
         if count == 0 || count > MAX_COLOURS {
-            return Err(call.args.misuse(&format!(
+            return Err(call.misuse(&format!(
                 "a list of colours has 1 to {MAX_COLOURS} of them, got {count}"
             )));
         }
@@ -300,8 +300,7 @@ fn named(call: &Call<'_>, name: &str) -> Result<Colour, Refusal> {
         let near = suggestion(name, known());
         let name = printable(name, 40);
         let known = known().collect::<Vec<_>>().join(", ");
-        call.args
-            .misuse(&format!("unknown colour '{name}'{near} (known: {known})"))
+        call.misuse(&format!("unknown colour '{name}'{near} (known: {known})"))
     })
 }
 
@@ -309,7 +308,7 @@ fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
     let object = value.as_userdata();
     let object = object.and_then(|object| object.borrow::<Colour>().ok());
     object.map(|object| *object).ok_or_else(|| {
-        call.args.misuse(&format!(
+        call.misuse(&format!(
             "a colour must be a name, vision.lab{{...}} or vision.hsv{{...}}, got {}",
             describe(value)
         ))
@@ -329,7 +328,7 @@ pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn made(call: &Call<'_>, colour: Result<Colour, ColourError>) -> NativeResult {
-    let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
+    let colour = colour.map_err(|error| call.misuse(&error.to_string()))?;
     let object = call.lua.create_any_userdata(colour)?;
     call.reply(object)
 }

@@ -31,7 +31,7 @@ pub struct Firmware {
     ///
     /// What was received is executed even if its connection has ended meanwhile; a question that
     /// it asked then stays without answer. Only a reboot empties the queue.
-    #[serde(deserialize_with = "some_rate")]
+    #[serde(deserialize_with = "number::commands_per_second")]
     pub commands_per_second: Option<f64>,
     /// Commands that wait at most; when there are more, the robot does not read on, and they stay
     /// in the network's buffers. Only with `commands_per_second`. Default: thousands.
@@ -52,7 +52,7 @@ pub struct Firmware {
     pub power_late: Duration,
     /// Hours after which the station ends charging, counted from contact: when the robot leaves and
     /// comes back they begin anew. Default: it never does.
-    #[serde(deserialize_with = "some_hours")]
+    #[serde(deserialize_with = "number::hours")]
     pub charger_hours: Option<f64>,
     /// The robot sends BASE_NOT_FOUND after this time without the station's beacon. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
@@ -132,30 +132,14 @@ fn span<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error> {
 
 /// Seconds, or `null` for never.
 fn some_span<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Duration>, D::Error> {
-    #[derive(Deserialize)]
-    struct Seconds(#[serde(deserialize_with = "span")] Duration);
-    Ok(Option::<Seconds>::deserialize(from)?.map(|Seconds(time)| time))
-}
-
-/// A rate, or `null` for no limit.
-fn some_rate<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    #[derive(Deserialize)]
-    struct Rate(#[serde(deserialize_with = "number::commands_per_second")] f64);
-    Ok(Option::<Rate>::deserialize(from)?.map(|Rate(rate)| rate))
+    let seconds: Option<f64> = number::span(from)?;
+    Ok(seconds.map(Duration::from_secs_f64))
 }
 
 /// A number of commands, or `null` for no limit.
 fn some_count<'de, D: Deserializer<'de>>(from: D) -> Result<Option<usize>, D::Error> {
-    #[derive(Deserialize)]
-    struct Count(#[serde(deserialize_with = "number::commands")] f64);
-    Ok(Option::<Count>::deserialize(from)?.map(|Count(count)| count as usize))
-}
-
-/// Hours, or `null` for never.
-fn some_hours<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    #[derive(Deserialize)]
-    struct Hours(#[serde(deserialize_with = "number::hours")] f64);
-    Ok(Option::<Hours>::deserialize(from)?.map(|Hours(hours)| hours))
+    let count: Option<f64> = number::commands(from)?;
+    Ok(count.map(|count| count as usize))
 }
 
 fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {

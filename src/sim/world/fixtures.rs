@@ -47,10 +47,8 @@ pub struct Lamp {
     #[serde(default = "lamp_reach", deserialize_with = "number::lamp_reach")]
     pub reach: f64,
     /// When it is on; always if omitted.
-    #[serde(default)]
     pub on: Option<Schedule>,
     /// When it is off; takes precedence over `on`.
-    #[serde(default)]
     pub off: Option<Schedule>,
 }
 
@@ -93,10 +91,8 @@ pub struct Noise {
     #[serde(default = "half", deserialize_with = "number::share")]
     pub loudness: f64,
     /// When it sounds; always if omitted.
-    #[serde(default)]
     pub on: Option<Schedule>,
     /// When it is silent; takes precedence over `on`.
-    #[serde(default)]
     pub off: Option<Schedule>,
 }
 

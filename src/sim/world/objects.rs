@@ -142,7 +142,6 @@ pub struct Ball {
     /// Colour of the ball.
     pub colour: Paint,
     /// The route along which it rolls.
-    #[serde(default)]
     pub path: Option<Route>,
 }
 
@@ -389,7 +388,6 @@ pub struct Walker {
     #[serde(default = "clothes")]
     pub colour: Paint,
     /// Their route.
-    #[serde(default)]
     pub path: Option<Route>,
 }
 

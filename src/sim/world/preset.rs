@@ -4,8 +4,6 @@ use serde::Deserialize;
 use serde_yaml::Value;
 
 use super::World;
-use super::settings::{BatterySettings, CameraSettings, TrackSettings};
-use super::station::DockingSettings;
 
 const GENUINE: &str = include_str!("genuine.yaml");
 
@@ -20,20 +18,6 @@ pub enum Preset {
     Genuine,
 }
 
-/// The settings that a preset fills in; other keys are ignored.
-#[derive(Deserialize)]
-struct RobotSettings {
-    station: StationSettings,
-    battery: BatterySettings,
-    camera: CameraSettings,
-    tracks: TrackSettings,
-}
-
-#[derive(Deserialize)]
-struct StationSettings {
-    docking: DockingSettings,
-}
-
 impl Preset {
     /// Sets what `text`, from which the world was parsed, does not say itself.
     pub(super) fn complete(self, world: &mut World, text: &str) -> Result<(), serde_yaml::Error> {
@@ -42,11 +26,10 @@ impl Preset {
         }
         let mut document: Value = serde_yaml::from_str(text)?;
         add_missing(&mut document, serde_yaml::from_str(GENUINE)?);
-        let settings: RobotSettings = serde_yaml::from_value(document)?;
-        world.station.docking = settings.station.docking;
-        world.battery = settings.battery;
-        world.camera = settings.camera;
-        world.tracks = settings.tracks;
+        world.station.docking = serde_yaml::from_value(document["station"]["docking"].clone())?;
+        world.battery = serde_yaml::from_value(document["battery"].clone())?;
+        world.camera = serde_yaml::from_value(document["camera"].clone())?;
+        world.tracks = serde_yaml::from_value(document["tracks"].clone())?;
         Ok(())
     }
 }
@@ -67,6 +50,8 @@ fn add_missing(given: &mut Value, usual: Value) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::settings::{BatterySettings, CameraSettings, TrackSettings};
+    use super::super::station::DockingSettings;
     use super::*;
     use crate::world::settings::PowerReading;
 

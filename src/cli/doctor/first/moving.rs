@@ -14,9 +14,10 @@ use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
 use crate::link::AcceptedLogin;
 use crate::pilot::{Connector, Settings};
-use crate::robot::{MotionEnd, Pictures};
+use crate::robot::{Intent, MotionEnd, Pictures};
 use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance};
+use crate::wire::Stream;
 
 /// Powers that are tried, percent.
 const POWERS: std::ops::RangeInclusive<u8> = 5..=47;
@@ -61,7 +62,7 @@ pub(super) async fn drive_about(
     cut: &LinkCut,
 ) -> Result<(), Failure> {
     ready(driver.status())?;
-    driver.show(true).await?;
+    show(driver, true).await?;
     let mut eyes = Eyes {
         frames: driver.frames(),
         decoder: Decoder::default(),
@@ -73,7 +74,13 @@ pub(super) async fn drive_about(
     let least = least_power(walk, driver, &mut eyes, sees).await?;
     sag(walk, driver).await?;
     disconnect(walk, driver, &mut eyes, cut, least).await?;
-    driver.show(false).await
+    show(driver, false).await
+}
+
+async fn show(driver: &mut Driver, on: bool) -> Result<(), Failure> {
+    let stream = Stream::Video;
+    let shown = driver.ask(async |client| client.send_intent(Intent::Stream { stream, on }).await);
+    shown.await
 }
 
 /// Levels as the robot reports them: whether they sag is to be seen.
@@ -191,7 +198,7 @@ async fn least_power(
         "\n5  It turns on the spot, left and right in turn, with rising power, until it is seen to \
          move.\n",
     )?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         walk.unknown(WHAT, "skipped")?;
         return Ok(None);
     }
@@ -236,7 +243,7 @@ async fn ask_least_power(
     why: &str,
 ) -> Result<Option<u8>, Failure> {
     let asks = format!("{why}. At which percentage did it begin to move? Enter: it did not");
-    let told = walk.person.types(&asks).await?;
+    let told = walk.types(&asks).await?;
     let told = told.trim_end_matches('%').trim().parse().ok();
     let told = told.filter(|percent| POWERS.contains(percent));
     match told {
@@ -250,7 +257,7 @@ async fn ask_least_power(
 async fn sag(walk: &mut Walk, driver: &mut Driver) -> Result<(), Failure> {
     const WHAT: &str = "POWER is";
     print("\n6  It turns left and right on the spot, to see whether POWER falls meanwhile.\n")?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         return walk.unknown(WHAT, "skipped");
     }
     let level = |driver: &Driver| driver.status().battery.and_then(|battery| battery.percent);
@@ -294,7 +301,7 @@ async fn disconnect(
         "\n7  It turns on the spot at {power} % for two seconds; in the second one the connection is \
          cut. Then it turns back.\n"
     ))?;
-    if !walk.person.agrees("Is there room around it?").await? {
+    if !walk.agrees("Is there room around it?").await? {
         return walk.unknown(WHAT, "skipped");
     }
     let (drove, apart) = match turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
@@ -311,7 +318,7 @@ async fn disconnect(
         return walk.measured(WHAT, &found);
     }
     let asks = "Did it stop when the connection was cut (s), or drive on for a second (d)? Enter: not seen";
-    match walk.person.types(asks).await?.as_str() {
+    match walk.types(asks).await?.as_str() {
         "s" => walk.asked(WHAT, "it stops by itself"),
         "d" => walk.asked(WHAT, "it drives on"),
         _ => walk.unknown(WHAT, "its pictures do not tell; count on its driving on"),
@@ -330,7 +337,7 @@ async fn turn_and_cut(
     let start = eyes.settled().await;
     let began = Instant::now();
     let driving = async {
-        let motion = driver.run(turn(power), BEFORE_CUT + 2 * CUT);
+        let motion = driver.ask(async |client| client.run(turn(power), BEFORE_CUT + 2 * CUT).await);
         let cutting = async {
             sleep(BEFORE_CUT).await;
             cut.cut(CUT);

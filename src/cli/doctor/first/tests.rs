@@ -4,7 +4,6 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::*;
-use crate::cli::driver::drive_on;
 use crate::sim::{self, Firmware, World};
 use crate::simulation::{self, Simulation};
 
@@ -103,7 +102,7 @@ impl Case {
 }
 
 async fn describe(simulation: &Simulation) -> Description {
-    let plan = simulation.plan(Vec::new());
+    let plan = simulation.plan(Vec::new()).pilot;
     let (mut connector, mut cut) = LinkCut::new(plan.connector);
     let moving = Arc::new(Mutex::new(false));
     let seen = moving.clone();
@@ -118,7 +117,7 @@ async fn describe(simulation: &Simulation) -> Description {
         });
     });
     let mut walk = Walk {
-        person: Person { yes: true },
+        yes: true,
         camera: Camera::default(),
         low: plan.settings.limits.low,
         is_docked: true,
@@ -127,13 +126,14 @@ async fn describe(simulation: &Simulation) -> Description {
         watchdog: Vec::new(),
     };
     stand(&mut walk, &mut connector).await.unwrap();
-    let parts = DriverParts {
+    let plan = PilotPlan {
         connector,
         settings: moving::as_reported(plan.settings),
         rescue: None,
+        ..plan
     };
     let drives = async |driver: &mut Driver| move_about(&mut walk, driver, &cut).await;
-    let exit = drive_on(&plan.core, None, parts, drives).await.unwrap();
+    let exit = drive(plan, drives).await.unwrap();
     println!("{}", walk.summary());
     assert_eq!(exit, Exit::Done);
     let state = simulation.sim().state();
