@@ -58,7 +58,7 @@ pub use options::{
     ScenarioCallResult,
 };
 pub(crate) use output::{DailyLimits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
-pub use output::{Evaluated, Level, LogLine, Output};
+pub use output::{Evaluated, FromHost, Level, LogLine};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
@@ -548,7 +548,7 @@ impl Script {
     }
 
     /// Runs what a person typed: an expression, or statements. The answer is
-    /// [`Output::Evaluated`], sent when the line has finished, which may
+    /// [`FromHost::Evaluated`], sent when the line has finished, which may
     /// involve waiting. Does nothing if the script is ending.
     ///
     /// `more` allows the answer [`Evaluated::Incomplete`].
@@ -571,7 +571,7 @@ impl Script {
                 let start = Wakeup::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
-            Err(answer) => state.output.push(Output::Evaluated(answer)),
+            Err(answer) => state.output.push(FromHost::Evaluated(answer)),
         }
     }
 
@@ -592,7 +592,7 @@ impl Script {
 
     /// Returns the script's output since the last call, in order. It is bounded: a script that
     /// sends too much gets errors, and excess log lines are replaced by their number.
-    pub fn take_output(&mut self) -> Vec<Output> {
+    pub fn take_output(&mut self) -> Vec<FromHost> {
         self.state.borrow_mut().output.take()
     }
 

@@ -5,10 +5,10 @@
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
-use spykee::behaviour::{FromHost, ToHost};
+use spykee::behaviour::ToHost;
 use spykee::robot::{BehaviourId, Intent, Priority};
 use spykee::safety::{Act, Fact, Limits, Watchdog};
-use spykee::script::Output;
+use spykee::script::FromHost;
 use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
@@ -24,7 +24,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut rig = Rig::new();
     let mut rest = bytes;
     while let Ok((message, tail)) = postcard::take_from_bytes::<FromHost>(rest) {
-        if let FromHost::Output(Output::Intent(intent)) = message {
+        if let FromHost::Intent(intent) = message {
             rig.ask(intent);
         }
         // A host's messages have length prefixes; here a byte between two messages selects another
