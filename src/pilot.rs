@@ -27,9 +27,9 @@ use tracing::{debug, info, warn};
 
 use crate::clock::{or_never, until};
 pub use crate::link::Delivery;
-use crate::link::{Confirmation, Executes, Incoming, LinkError, Session, Writer, hang_up};
+use crate::link::{Confirmation, Executes, LinkError, Reader, Session, Writer, hang_up};
 use crate::rate_limit::Repeats;
-use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
+use crate::robot::channel::{MAX_REQUESTS, Quiet, Request, Suspend};
 use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, Pictures, RobotInfo,
     StopConfirmation, Streams,
@@ -42,7 +42,7 @@ use self::connection::{Connection, ConnectionEvent};
 use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
 use self::debt::{Debt, DebtAction};
-use self::outputs::{QuietHours, Restrictions};
+use self::outputs::Restrictions;
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
@@ -120,6 +120,8 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Pilot {
     watchdog: Watchdog,
+    /// Both halves of the open link.
+    reader: Option<Reader>,
     writer: Option<Writer>,
     sessions: Sessions,
     actuators: ActuatorState,
@@ -151,7 +153,7 @@ pub struct Pilot {
     moving: bool,
     /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
-    quiet_hours: QuietHours,
+    quiet: Quiet,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
     ending: Option<Ending>,
@@ -179,6 +181,7 @@ impl Pilot {
         let (status, newest_status) = watch::channel(Status::default());
         let pilot = Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
+            reader: None,
             writer: None,
             sessions: Sessions::new(settings.streams),
             actuators: ActuatorState::default(),
@@ -202,7 +205,7 @@ impl Pilot {
             alarm_due: false,
             moving: false,
             sounding: None,
-            quiet_hours: QuietHours::default(),
+            quiet: Quiet::Off,
             released: false,
             ending: None,
             failed: Repeats::new(FAILED_EVERY),
@@ -252,6 +255,7 @@ impl Pilot {
             let end = self.ending.as_ref().map(|ending| ending.until);
             let guardian_changed = self.heartbeat.as_mut().map(Heartbeat::guardian_changed);
             let progress = self.writer.as_mut().map(Writer::progress);
+            let receiving = self.reader.as_mut().map(Reader::receive);
             let turn = tokio::select! {
                 biased;
                 () = until(end) => break,
@@ -280,8 +284,9 @@ impl Pilot {
                         self.release_guardian();
                         return Err(error);
                     }
-                    event => self.handle_event(event, &mut connection),
+                    event => self.handle_event(event),
                 },
+                received = or_never(receiving) => self.handle_received(received),
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
@@ -539,20 +544,10 @@ impl Pilot {
 
     // What comes over the connection.
 
-    fn handle_event(
-        &mut self,
-        event: ConnectionEvent,
-        connection: &mut Connection,
-    ) -> Result<(), LinkError> {
+    fn handle_event(&mut self, event: ConnectionEvent) -> Result<(), LinkError> {
         self.heartbeat()?;
         match event {
-            ConnectionEvent::Up(session) => self.connected(*session, connection),
-            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report),
-            ConnectionEvent::Incoming(Incoming::Progress) => {
-                self.silence.note_received(Instant::now());
-                Ok(())
-            }
-            ConnectionEvent::Lost(error) => Err(error),
+            ConnectionEvent::Up(session) => self.connected(*session),
             ConnectionEvent::Accepted(login) => {
                 self.watch_login(login);
                 Ok(())
@@ -567,11 +562,7 @@ impl Pilot {
         }
     }
 
-    fn connected(
-        &mut self,
-        session: Session,
-        connection: &mut Connection,
-    ) -> Result<(), LinkError> {
+    fn connected(&mut self, session: Session) -> Result<(), LinkError> {
         let Session {
             accepted,
             power,
@@ -581,7 +572,6 @@ impl Pilot {
             writer,
             login,
         } = session;
-        connection.set_up(reader);
         let Accepted {
             uid,
             name,
@@ -598,6 +588,7 @@ impl Pilot {
             address,
             simulated: self.simulated,
         };
+        self.reader = Some(reader);
         self.writer = Some(writer);
         self.set_route(peer, login);
         self.watch_link();
@@ -650,6 +641,21 @@ impl Pilot {
             docked: self.watchdog.docked(),
         };
         vec![Event::Battery(battery), connected]
+    }
+
+    /// Handles what the reader has returned: a report, progress of a long one, or the end of the link.
+    fn handle_received(
+        &mut self,
+        received: Result<Option<Report>, LinkError>,
+    ) -> Result<(), LinkError> {
+        self.heartbeat()?;
+        match received? {
+            Some(report) => self.report(report),
+            None => {
+                self.silence.note_received(Instant::now());
+                Ok(())
+            }
+        }
     }
 
     fn report(&mut self, report: Report) -> Result<(), LinkError> {
@@ -778,14 +784,12 @@ impl Pilot {
     /// does not keep it open.
     fn handle_link_lost(&mut self, lost: &LinkError, connection: &mut Connection) {
         self.store_last_words(connection);
-        let reader = connection.disconnect();
-        let Some(mut writer) = self.writer.take() else {
+        connection.reconnect();
+        let (Some(reader), Some(mut writer)) = (self.reader.take(), self.writer.take()) else {
             return;
         };
         writer.send_last_words();
-        if let Some(reader) = reader {
-            tokio::spawn(hang_up(reader, writer));
-        }
+        tokio::spawn(hang_up(reader, writer));
         self.release_guardian();
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
@@ -887,9 +891,7 @@ impl Pilot {
             self.debt.forgive();
             self.tell_guardian_of_debt();
             self.release_guardian();
-            if let Some(writer) = self.writer.take()
-                && let Some(reader) = connection.disconnect()
-            {
+            if let (Some(reader), Some(writer)) = (self.reader.take(), self.writer.take()) {
                 hang_up(reader, writer).await;
             }
         }

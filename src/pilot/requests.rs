@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::outputs::{QuietHours, Restrictions};
+use super::outputs::Restrictions;
 use super::throttle::Throttle;
 use crate::link::LinkError;
 use crate::robot::channel::{
@@ -156,15 +156,14 @@ impl Pilot {
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
         let restrictions = Restrictions::demanded_by(&self.watchdog);
         let role = self.sessions.role(by).unwrap_or_default();
-        self.quiet_hours.allows(role, command) && self.sessions.allows(by, command, restrictions)
+        self.quiet.allows(role, command) && self.sessions.allows(by, command, restrictions)
     }
 
     fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkError> {
-        let quiet_hours = QuietHours(quiet);
-        if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
+        if std::mem::replace(&mut self.quiet, quiet) == quiet {
             return Ok(());
         }
-        let noise = quiet_hours.commands_at_start(self.watchdog.alarm_sounds());
+        let noise = quiet.commands_at_start(self.watchdog.alarm_sounds());
         if let Some(writer) = &mut self.writer
             && !noise.is_empty()
         {
@@ -217,7 +216,7 @@ impl Pilot {
         self.flush_deferred()?;
         let alarm: Vec<Command> = ALARM
             .into_iter()
-            .filter(|command| self.quiet_hours.allows_alarm(command))
+            .filter(|command| self.quiet.allows_alarm(command))
             .collect();
         self.send(&alarm)
     }
