@@ -30,13 +30,13 @@ pub(crate) mod tests;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mlua::prelude::{Lua, LuaMultiValue, LuaResult, LuaThread};
+use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaThread};
 use mlua::thread::ThreadStatus;
 use tokio::time::Instant;
 
 use crate::robot::{EndReason, Event, Frame};
 use crate::wire::Stream;
-use api::{Shared, resume_values};
+use api::{Shared, payload_to_lua, resume_values};
 use budget::SliceCost;
 use declaration::no_declaration_error;
 use events::{Busy, EventName};
@@ -312,9 +312,10 @@ impl Script {
             return Ok(None);
         };
         let thread = self.lua.create_thread(subscription.function.clone())?;
-        let answer = Wakeup::Deliver(payload);
+        let argument = payload_to_lua(&payload, &self.lua)?;
+        let start = Wakeup::Start(argument.into_lua_multi(&self.lua)?);
         let kind = TaskKind::Handler(id);
-        let task = state.tasks.insert(thread, kind, answer, now).id;
+        let task = state.tasks.insert(thread, kind, start, now).id;
         if let Some(subscription) = state.subscriptions.get_mut(&id) {
             subscription.busy = Busy::Running(task);
             if subscription.once {
