@@ -604,7 +604,9 @@ impl Pilot {
             .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
-        self.sessions.welcome_all(&self.welcome());
+        for event in self.welcome() {
+            self.sessions.tell_all(&event);
+        }
         for report in early {
             lost = lost.and(self.report(report));
         }

@@ -85,11 +85,8 @@ impl Pilot {
     ) -> Result<(), LinkError> {
         match intent {
             Intent::Release { .. } => {
-                self.defer(Fact::Asked {
-                    by,
-                    priority,
-                    intent,
-                });
+                self.watchdog.request(by, priority, intent, Instant::now());
+                self.has_deferred = true;
                 Ok(())
             }
             Intent::Dock { call, .. } if !self.admits(by, Engage::Dock) => {
@@ -108,11 +105,10 @@ impl Pilot {
             | Intent::CancelDock => {
                 self.stopwatch
                     .serving(matches!(intent, Intent::Move { .. }));
-                let served = self.handle(Fact::Asked {
-                    by,
-                    priority,
-                    intent,
-                });
+                let now = Instant::now();
+                self.watchdog.request(by, priority, intent, now);
+                let acts = self.watchdog.poll(now);
+                let served = self.perform(acts);
                 self.stopwatch.serving(false);
                 served
             }
@@ -428,10 +424,6 @@ impl Sessions {
         let listens = |session: &&mut Session| session.streams.contains(&Stream::AudioIn);
         let listeners = self.sessions.values_mut().filter(listens);
         listeners.for_each(|session| session.events.tell(event.clone()));
-    }
-
-    pub(super) fn welcome_all(&mut self, welcome: &[Event]) {
-        welcome.iter().for_each(|event| self.tell_all(event));
     }
 
     /// Notes that a behaviour wants a stream, or no longer wants it.

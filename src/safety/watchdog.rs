@@ -158,11 +158,6 @@ impl Watchdog {
                 }
                 self.streaming = on;
             }
-            Fact::Asked {
-                by,
-                priority,
-                intent,
-            } => self.asked(by, priority, intent, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.set_rescuer(by, now),
@@ -1156,7 +1151,9 @@ impl Watchdog {
 
     // Requests.
 
-    fn asked(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
+    /// Takes in what a behaviour asks of the robot, like [`Watchdog::apply`]: the acts come with the
+    /// next [`Watchdog::poll`], which must follow immediately. An intent that moves nothing is ignored.
+    pub fn request(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
         self.leases.renew(by, now);
         let caller = |call| Caller { by, priority, call };
         match intent {

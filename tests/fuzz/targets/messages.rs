@@ -57,11 +57,9 @@ impl Rig {
 
     fn ask(&mut self, intent: Intent) {
         let low = self.dog.low().is_some();
-        let acts = self.handle(Fact::Asked {
-            by: WHO,
-            priority: Priority(0),
-            intent,
-        });
+        self.dog.request(WHO, Priority(0), intent, self.now);
+        let acts = self.dog.poll(self.now);
+        self.check(&acts);
         let moves = |command: Command| matches!(command, Command::Move { left, right } if (left, right) != (0, 0));
         assert!(!low || !acts.iter().filter_map(Act::command).any(moves), "a script moves a low robot");
     }
