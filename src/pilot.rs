@@ -739,8 +739,9 @@ impl Pilot {
             false
         });
         self.stopwatch.frame(at);
+        let frame = Frame { seq, at, jpeg };
         self.pictures
-            .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
+            .send_modify(|pictures| pictures.before = pictures.newest.replace(frame));
         self.sessions.notify_frame();
     }
 

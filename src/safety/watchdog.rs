@@ -1,4 +1,4 @@
-//! All safety rules combined: facts and the time go in, acts come out.
+//! All safety rules combined: facts, requests and the time go in, acts come out.
 //!
 //! Every command that can move the robot is made here and nowhere else. A behaviour's motion
 //! request goes through the [`Arbiter`], then through [`Watchdog::refusal`]; if it passes,
