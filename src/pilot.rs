@@ -260,11 +260,7 @@ impl Pilot {
                 biased;
                 () = until(end) => break,
                 () = shutdown.close_link.cancelled(), if self.ending.is_none() => {
-                    self.ending = Some(Ending {
-                        until: Instant::now() + DELIVERY,
-                        asked: None,
-                    });
-                    self.serve_last(&mut requests)
+                    self.begin_ending(&mut requests)
                 }
                 () = shutdown.stop_motion.cancelled(), if !motion_stopped => {
                     motion_stopped = true;
@@ -275,12 +271,7 @@ impl Pilot {
                 // The next turn tells the guardian what is left of a partly written message.
                 written = or_never(progress) => written,
                 event = connection.next() => match event {
-                    // A person can read why the very first connection has failed.
-                    ConnectionEvent::Failed(error)
-                        if self.info.is_none()
-                            && self.ending.is_none()
-                            && (error.is_final() || !settings.waits) =>
-                    {
+                    ConnectionEvent::Failed(error) if self.ends_run(&error, settings.waits) => {
                         self.release_guardian();
                         return Err(error);
                     }
@@ -293,6 +284,12 @@ impl Pilot {
             self.end_turn(served, &mut connection);
         }
         Ok(self.close(connection).await)
+    }
+
+    /// Whether a failed attempt to connect ends the run: only one before the first connection does,
+    /// when a person can read why.
+    fn ends_run(&self, error: &LinkError, waits: bool) -> bool {
+        self.info.is_none() && self.ending.is_none() && (error.is_final() || !waits)
     }
 
     fn end_turn(&mut self, served: Result<(), LinkError>, connection: &mut Connection) {
@@ -367,8 +364,12 @@ impl Pilot {
         stopped.and_then(|()| self.handle(Fact::Suspended))
     }
 
-    /// Serves the requests that the behaviours sent before `close_link` was cancelled.
-    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
+    /// Begins the end of the run; serves the requests that the behaviours have sent before.
+    fn begin_ending(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
+        self.ending = Some(Ending {
+            until: Instant::now() + DELIVERY,
+            asked: None,
+        });
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
             if requests.is_empty() {
@@ -563,23 +564,15 @@ impl Pilot {
     }
 
     fn connected(&mut self, session: Session) -> Result<(), LinkError> {
-        let Session {
-            accepted,
-            power,
-            peer,
-            early,
-            reader,
-            writer,
-            login,
-        } = session;
         let Accepted {
             uid,
             name,
             firmware,
             docked,
             ..
-        } = accepted;
-        let address = peer.to_string();
+        } = session.accepted;
+        let power = session.power;
+        let address = session.peer.to_string();
         info!(%uid, %address, %firmware, docked, battery = Battery::reported(power).level(), "connected");
         let info = RobotInfo {
             uid,
@@ -588,9 +581,9 @@ impl Pilot {
             address,
             simulated: self.simulated,
         };
-        self.reader = Some(reader);
-        self.writer = Some(writer);
-        self.set_route(peer, login);
+        self.reader = Some(session.reader);
+        self.writer = Some(session.writer);
+        self.set_route(session.peer, session.login);
         self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
@@ -607,7 +600,7 @@ impl Pilot {
         for event in self.welcome() {
             self.sessions.tell_all(&event);
         }
-        for report in early {
+        for report in session.early {
             lost = lost.and(self.report(report));
         }
         lost?;
