@@ -638,7 +638,7 @@ impl Pilot {
         vec![Event::Battery(battery), connected]
     }
 
-    /// Handles what the reader has returned: a report, progress of a long one, or the end of the link.
+    /// Handles what the reader has returned: a report, progress of a long one, or a lost link.
     fn handle_received(
         &mut self,
         received: Result<Option<Report>, LinkError>,

@@ -5,8 +5,8 @@
 //! - searching: the robot looks for its station on its own;
 //! - granted: a behaviour that can see drives it elsewhere, for twice as long as the failed search
 //!   took ([`DriveGrant`]);
-//! - driving: the watchdog makes a short [`BlindMove`], where nothing can be granted or the grant was
-//!   not used.
+//! - driving: the watchdog makes a short [`BlindMove`], where nothing can be granted or the grant
+//!   was not used.
 //!
 //! A failed search is followed by a grant, a blind move or, where neither is allowed, a pause, and
 //! that by the next search: one from the same place fails again and again. When too many searches
@@ -83,7 +83,9 @@ pub struct Homing {
     began: Instant,
     /// The shortest grant.
     grant_time: Duration,
+    /// How long the robot stands after a search where neither a grant nor a blind move is allowed.
     pause: Duration,
+    /// How many searches after the first may fail before the alarm.
     retries: u32,
     phase: HomingPhase,
     /// When the last search began.
@@ -147,6 +149,17 @@ impl Homing {
         }
     }
 
+    /// When [`Homing::poll`] has something to do or [`Homing::setpoint`] changes, seen from
+    /// `now`. A time in the past means at once.
+    pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
+        match self.phase {
+            HomingPhase::Waiting { until } => Some(until),
+            HomingPhase::Granted(grant) => Some(grant.next_deadline()),
+            HomingPhase::Driving(blind_move) => blind_move.next_deadline(now).or(Some(now)),
+            HomingPhase::Searching => None,
+        }
+    }
+
     /// Handles a failed search and begins what follows: `rescuer` is the behaviour that the tracks
     /// may be granted to, `may_drive` tells whether a blind move is allowed now.
     pub fn search_failed(
@@ -179,6 +192,25 @@ impl Homing {
         let began = self.searched_at.unwrap_or(now);
         let took = now.saturating_duration_since(began);
         (2 * took).clamp(self.grant_time, Homing::LONGEST_GRANT.max(self.grant_time))
+    }
+
+    fn begin_blind_move(&mut self, now: Instant) -> HomingStep {
+        self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
+        self.blind_moves = self.blind_moves.saturating_add(1);
+        HomingStep::BlindMove(self.blind_moves)
+    }
+
+    fn begin_search(&mut self, now: Instant) -> HomingStep {
+        self.phase = HomingPhase::Searching;
+        self.searched_at = Some(now);
+        HomingStep::Search
+    }
+
+    /// Waits for the next search: for `pause`, and until [`Homing::MOMENT`] after the last one.
+    fn wait(&mut self, pause: Duration, now: Instant) {
+        let earliest = self.searched_at.map_or(now, |at| at + Homing::MOMENT);
+        let until = earliest.max(now + pause);
+        self.phase = HomingPhase::Waiting { until };
     }
 
     /// Ends a grant or a blind move; the search from here comes next.
@@ -245,36 +277,6 @@ impl Homing {
     /// must help.
     pub fn has_failed_too_often(&self) -> bool {
         self.failures > self.retries
-    }
-
-    /// When [`Homing::poll`] has something to do or [`Homing::setpoint`] changes, seen from
-    /// `now`. A time in the past means at once.
-    pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
-        match self.phase {
-            HomingPhase::Waiting { until } => Some(until),
-            HomingPhase::Granted(grant) => Some(grant.next_deadline()),
-            HomingPhase::Driving(blind_move) => blind_move.next_deadline(now).or(Some(now)),
-            HomingPhase::Searching => None,
-        }
-    }
-
-    /// Waits for the next search: for `pause`, and no less than [`Homing::MOMENT`] from the last one.
-    fn wait(&mut self, pause: Duration, now: Instant) {
-        let earliest = self.searched_at.map_or(now, |at| at + Homing::MOMENT);
-        let until = earliest.max(now + pause);
-        self.phase = HomingPhase::Waiting { until };
-    }
-
-    fn begin_blind_move(&mut self, now: Instant) -> HomingStep {
-        self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
-        self.blind_moves = self.blind_moves.saturating_add(1);
-        HomingStep::BlindMove(self.blind_moves)
-    }
-
-    fn begin_search(&mut self, now: Instant) -> HomingStep {
-        self.phase = HomingPhase::Searching;
-        self.searched_at = Some(now);
-        HomingStep::Search
     }
 
     // The alarm, beside the phases.

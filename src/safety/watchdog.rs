@@ -626,8 +626,8 @@ impl Watchdog {
     }
 
     /// Starts or continues the way home if the battery is low and no docking of the watchdog's is
-    /// under way: waits on the station for charging, or begins the next search or blind move when it is
-    /// due. A behaviour's docking becomes the watchdog's own.
+    /// under way: waits on the station for charging, or begins the next search or blind move when
+    /// it is due. A behaviour's docking becomes the watchdog's own.
     fn pursue_home(&mut self, now: Instant) {
         let underway = matches!(&self.docking, Some(active) if active.forced);
         if !self.online || self.battery_monitor.low().is_none() || underway {
@@ -650,6 +650,7 @@ impl Watchdog {
         match homing.poll(may_drive, now) {
             None => {}
             Some(HomingStep::Search) => self.send_home(now),
+            // A blind move in place of a grant that was not used.
             Some(next) => {
                 self.end_motion(MotionEnd::Safety);
                 let reason = format!("no behaviour has driven: {next}");
@@ -1151,8 +1152,9 @@ impl Watchdog {
 
     // Requests.
 
-    /// Takes in what a behaviour asks of the robot, like [`Watchdog::apply`]: the acts come with the
-    /// next [`Watchdog::poll`], which must follow immediately. An intent that moves nothing is ignored.
+    /// Takes in what a behaviour asks of the robot, like [`Watchdog::apply`]: the acts come with
+    /// the next [`Watchdog::poll`], which must follow immediately. An intent that moves nothing is
+    /// ignored.
     pub fn request(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
         self.leases.renew(by, now);
         let caller = |call| Caller { by, priority, call };
