@@ -20,9 +20,7 @@ pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;
 pub use message::{Launch, PromptCommand, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};
-pub use policy::{
-    RestartDecision, RestartPolicy, RestartTracker, Restarts, UnknownPolicy, is_failure,
-};
+pub use policy::{RestartDecision, RestartPolicy, RestartTracker, Restarts, is_failure};
 pub use process::{HOST_ARGUMENT, HostContext, Launcher, Prepared};
 pub use supervisor::{Handle, PromptMessage, ReplChannel, Supervisor};
 pub use watch::{ScriptWatcher, read_source};

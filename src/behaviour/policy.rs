@@ -52,18 +52,14 @@ impl RestartPolicy {
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{0}` is neither `never` nor `on-failure`")]
-pub struct UnknownPolicy(String);
-
 impl FromStr for RestartPolicy {
-    type Err = UnknownPolicy;
+    type Err = String;
 
-    fn from_str(word: &str) -> Result<RestartPolicy, UnknownPolicy> {
+    fn from_str(word: &str) -> Result<RestartPolicy, String> {
         match word {
             "never" => Ok(RestartPolicy::Never),
             "on-failure" => Ok(RestartPolicy::OnFailure(Restarts::default())),
-            other => Err(UnknownPolicy(other.to_owned())),
+            other => Err(format!("`{other}` is neither `never` nor `on-failure`")),
         }
     }
 }
