@@ -80,9 +80,10 @@ impl Debt {
 
     /// Handles commands that are about to be written.
     pub(super) fn handle(&mut self, commands: &[Command], now: Instant) {
-        let moves_or_stops =
-            |command: &&Command| matches!(command, Command::Move { .. } | Command::Engine(_));
-        match commands.iter().rfind(moves_or_stops) {
+        let last = commands
+            .iter()
+            .rfind(|command| matches!(command, Command::Move { .. } | Command::Engine(_)));
+        match last {
             Some(last) if stops(last) => self.stopped(now, ASK_AFTER),
             Some(_) => {
                 self.stage = Stage::Moving { still_since: None };
