@@ -30,19 +30,22 @@
 //! 1. [`link`]: the reader cuts the stream into messages; a `Report` carries the frame;
 //! 2. [`pilot`] makes it a `Frame` with a number and a time, and stores it, still encoded, as the
 //!    newest one: older frames that no reader has taken are dropped;
-//! 3. [`behaviour`]: the supervisor sends the `Frame` through the pipe when its host asks for one;
+//! 3. [`behaviour`]: the supervisor sends it through the pipe as `ToHost::Frame` when its host asks
+//!    for one;
 //! 4. [`script`]: the VM validates its markers (only here) and queues it for the script's handler;
 //! 5. `frame:find_blobs` has [`vision`] decode it, once and on demand, and find its blobs;
 //! 6. `robot.move` makes a `Setpoint` and, with its number, an `Intent`, which goes back through the
-//!    pipe;
-//! 7. [`pilot`] passes the `Intent` to the watchdog of [`safety`]: its `Arbiter` decides which
-//!    behaviour may drive, its `Tracks` when a command is sent;
+//!    pipe as `FromHost::Intent`;
+//! 7. [`pilot`] requests it of the watchdog of [`safety`]: its `Arbiter` decides which behaviour may
+//!    drive, its `Tracks` when a command is sent;
 //! 8. [`pilot`] hands the watchdog's `Command` to the writer of [`link`], which writes it.
 //!
 //! A low battery sends the robot home; this path involves no VM, no decoder and none of their
 //! locks: the reader receives POWER, `pilot.rs` gives it to the watchdog (`safety/watchdog.rs`),
 //! `safety/battery.rs` decides that the level is low, `safety/homing.rs` what the robot does until it
 //! is home, and the writer sends `MOVE 0 0` and `BASE_FIND` at once, ahead of queued speech.
+//!
+//! `behaviours/guide/inside/architecture.md` lists the files and functions of both.
 //!
 //! # How to add
 //!
@@ -72,7 +75,7 @@
 //! | setpoint | the power of both tracks last requested |
 //! | lease | how long a host may move the robot without a new sign of life |
 //! | claim | a behaviour's request for the tracks, which the arbiter keeps until it ends |
-//! | act, fact | an output of the watchdog; an input |
+//! | act, fact | an output of the watchdog; an input, besides the requests of behaviours |
 //! | deferred | accepted as a fact, with its acts postponed to the end of the turn |
 //! | dock state | the robot's position relative to its station, as far as it has reported |
 //! | `Options` | a module's settings, its part of the config; written with the module's name |

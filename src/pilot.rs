@@ -27,9 +27,9 @@ use tracing::{debug, info, warn};
 
 use crate::clock::{or_never, until};
 pub use crate::link::Delivery;
-use crate::link::{Confirmation, Executes, Incoming, LinkError, Session, Writer, hang_up};
+use crate::link::{Confirmation, Executes, LinkError, Reader, Session, Writer, hang_up};
 use crate::rate_limit::Repeats;
-use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
+use crate::robot::channel::{MAX_REQUESTS, Quiet, Request, Suspend};
 use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, Pictures, RobotInfo,
     StopConfirmation, Streams,
@@ -42,7 +42,7 @@ use self::connection::{Connection, ConnectionEvent};
 use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
 use self::debt::{Debt, DebtAction};
-use self::outputs::{QuietHours, Restrictions};
+use self::outputs::Restrictions;
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
@@ -120,6 +120,8 @@ pub struct Settings {
 #[derive(Debug)]
 pub struct Pilot {
     watchdog: Watchdog,
+    /// Both halves of the open link.
+    reader: Option<Reader>,
     writer: Option<Writer>,
     sessions: Sessions,
     actuators: ActuatorState,
@@ -153,7 +155,7 @@ pub struct Pilot {
     sounding: Option<Instant>,
     /// When the robot last told its battery level.
     level_told: Option<Instant>,
-    quiet_hours: QuietHours,
+    quiet: Quiet,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
     ending: Option<Ending>,
@@ -181,6 +183,7 @@ impl Pilot {
         let (status, newest_status) = watch::channel(Status::default());
         let pilot = Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
+            reader: None,
             writer: None,
             sessions: Sessions::new(settings.streams),
             actuators: ActuatorState::default(),
@@ -205,7 +208,7 @@ impl Pilot {
             moving: false,
             sounding: None,
             level_told: None,
-            quiet_hours: QuietHours::default(),
+            quiet: Quiet::Off,
             released: false,
             ending: None,
             failed: Repeats::new(FAILED_EVERY),
@@ -255,15 +258,12 @@ impl Pilot {
             let end = self.ending.as_ref().map(|ending| ending.until);
             let guardian_changed = self.heartbeat.as_mut().map(Heartbeat::guardian_changed);
             let progress = self.writer.as_mut().map(Writer::progress);
+            let receiving = self.reader.as_mut().map(Reader::receive);
             let turn = tokio::select! {
                 biased;
                 () = until(end) => break,
                 () = shutdown.close_link.cancelled(), if self.ending.is_none() => {
-                    self.ending = Some(Ending {
-                        until: Instant::now() + DELIVERY,
-                        asked: None,
-                    });
-                    self.serve_last(&mut requests)
+                    self.begin_ending(&mut requests)
                 }
                 () = shutdown.stop_motion.cancelled(), if !motion_stopped => {
                     motion_stopped = true;
@@ -274,23 +274,25 @@ impl Pilot {
                 // The next turn tells the guardian what is left of a partly written message.
                 written = or_never(progress) => written,
                 event = connection.next() => match event {
-                    // A person can read why the very first connection has failed.
-                    ConnectionEvent::Failed(error)
-                        if self.info.is_none()
-                            && self.ending.is_none()
-                            && (error.is_final() || !settings.waits) =>
-                    {
+                    ConnectionEvent::Failed(error) if self.ends_run(&error, settings.waits) => {
                         self.release_guardian();
                         return Err(error);
                     }
-                    event => self.handle_event(event, &mut connection),
+                    event => self.handle_event(event),
                 },
+                received = or_never(receiving) => self.handle_received(received),
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
             self.end_turn(served, &mut connection);
         }
         Ok(self.close(connection).await)
+    }
+
+    /// Whether a failed attempt to connect ends the run: only one before the first connection does,
+    /// when a person can read why.
+    fn ends_run(&self, error: &LinkError, waits: bool) -> bool {
+        self.info.is_none() && self.ending.is_none() && (error.is_final() || !waits)
     }
 
     fn end_turn(&mut self, served: Result<(), LinkError>, connection: &mut Connection) {
@@ -365,8 +367,12 @@ impl Pilot {
         stopped.and_then(|()| self.handle(Fact::Suspended))
     }
 
-    /// Serves the requests that the behaviours sent before `close_link` was cancelled.
-    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
+    /// Begins the end of the run; serves the requests that the behaviours have sent before.
+    fn begin_ending(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkError> {
+        self.ending = Some(Ending {
+            until: Instant::now() + DELIVERY,
+            asked: None,
+        });
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
             if requests.is_empty() {
@@ -543,20 +549,10 @@ impl Pilot {
 
     // What comes over the connection.
 
-    fn handle_event(
-        &mut self,
-        event: ConnectionEvent,
-        connection: &mut Connection,
-    ) -> Result<(), LinkError> {
+    fn handle_event(&mut self, event: ConnectionEvent) -> Result<(), LinkError> {
         self.heartbeat()?;
         match event {
-            ConnectionEvent::Up(session) => self.connected(*session, connection),
-            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report),
-            ConnectionEvent::Incoming(Incoming::Progress) => {
-                self.silence.note_received(Instant::now());
-                Ok(())
-            }
-            ConnectionEvent::Lost(error) => Err(error),
+            ConnectionEvent::Up(session) => self.connected(*session),
             ConnectionEvent::Accepted(login) => {
                 self.watch_login(login);
                 Ok(())
@@ -571,29 +567,16 @@ impl Pilot {
         }
     }
 
-    fn connected(
-        &mut self,
-        session: Session,
-        connection: &mut Connection,
-    ) -> Result<(), LinkError> {
-        let Session {
-            accepted,
-            power,
-            peer,
-            early,
-            reader,
-            writer,
-            login,
-        } = session;
-        connection.set_up(reader);
+    fn connected(&mut self, session: Session) -> Result<(), LinkError> {
         let Accepted {
             uid,
             name,
             firmware,
             docked,
             ..
-        } = accepted;
-        let address = peer.to_string();
+        } = session.accepted;
+        let power = session.power;
+        let address = session.peer.to_string();
         info!(%uid, %address, %firmware, docked, battery = Battery::reported(power).level(), "connected");
         let info = RobotInfo {
             uid,
@@ -602,8 +585,9 @@ impl Pilot {
             address,
             simulated: self.simulated,
         };
-        self.writer = Some(writer);
-        self.set_route(peer, login);
+        self.reader = Some(session.reader);
+        self.writer = Some(session.writer);
+        self.set_route(session.peer, session.login);
         self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
@@ -618,8 +602,10 @@ impl Pilot {
             .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
-        self.sessions.welcome_all(&self.welcome());
-        for report in early {
+        for event in self.welcome() {
+            self.sessions.tell_all(&event);
+        }
+        for report in session.early {
             lost = lost.and(self.report(report));
         }
         lost?;
@@ -655,6 +641,21 @@ impl Pilot {
             docked: self.watchdog.docked(),
         };
         vec![Event::Battery(battery), connected]
+    }
+
+    /// Handles what the reader has returned: a report, progress of a long one, or a lost link.
+    fn handle_received(
+        &mut self,
+        received: Result<Option<Report>, LinkError>,
+    ) -> Result<(), LinkError> {
+        self.heartbeat()?;
+        match received? {
+            Some(report) => self.report(report),
+            None => {
+                self.silence.note_received(Instant::now());
+                Ok(())
+            }
+        }
     }
 
     fn report(&mut self, report: Report) -> Result<(), LinkError> {
@@ -737,8 +738,9 @@ impl Pilot {
             false
         });
         self.stopwatch.frame(at);
+        let frame = Frame { seq, at, jpeg };
         self.pictures
-            .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
+            .send_modify(|pictures| pictures.before = pictures.newest.replace(frame));
         self.sessions.notify_frame();
     }
 
@@ -784,14 +786,12 @@ impl Pilot {
     /// does not keep it open.
     fn handle_link_lost(&mut self, lost: &LinkError, connection: &mut Connection) {
         self.store_last_words(connection);
-        let reader = connection.disconnect();
-        let Some(mut writer) = self.writer.take() else {
+        connection.reconnect();
+        let (Some(reader), Some(mut writer)) = (self.reader.take(), self.writer.take()) else {
             return;
         };
         writer.send_last_words();
-        if let Some(reader) = reader {
-            tokio::spawn(hang_up(reader, writer));
-        }
+        tokio::spawn(hang_up(reader, writer));
         self.release_guardian();
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
@@ -893,9 +893,7 @@ impl Pilot {
             self.debt.forgive();
             self.tell_guardian_of_debt();
             self.release_guardian();
-            if let Some(writer) = self.writer.take()
-                && let Some(reader) = connection.disconnect()
-            {
+            if let (Some(reader), Some(writer)) = (self.reader.take(), self.writer.take()) {
                 hang_up(reader, writer).await;
             }
         }

@@ -1,5 +1,5 @@
-//! The rules that keep the robot from harm, as pure state machines: facts and the time go in, acts
-//! come out. Nothing here blocks, reads the clock, or knows a socket or a script's VM.
+//! The rules that keep the robot from harm, as pure state machines: facts, requests and the time go
+//! in, acts come out. Nothing here blocks, reads the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
 //! drives), [`Tracks`] (the setpoint sent, and how often), [`PowerGauge`] (what POWER says of the

@@ -11,14 +11,14 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
-use super::message::{FromHost, Launch, PromptCommand, Receiver, Sender, ToHost};
+use super::message::{Launch, PromptCommand, Receiver, Sender, ToHost};
 use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
 use crate::robot::{Detection, EndReason};
 use crate::sandbox;
 use crate::script::{
-    AnnotatedFrame, LabelledBlob, Level, LogLine, Options, Output, Script, ScriptExit,
+    AnnotatedFrame, FromHost, LabelledBlob, Level, LogLine, Options, Script, ScriptExit,
 };
 
 /// Longest interval between messages to the agent while a setpoint of the script is active; a
@@ -155,7 +155,7 @@ fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
 }
 
 fn warning(text: String) -> FromHost {
-    FromHost::Output(Output::Log(LogLine::new(Level::Warn, &text)))
+    FromHost::Log(LogLine::new(Level::Warn, &text))
 }
 
 impl Host {
@@ -278,7 +278,7 @@ impl Host {
 
     async fn send_output(&mut self) -> io::Result<()> {
         for output in self.script.take_output() {
-            self.outbox.feed(&FromHost::Output(output)).await?;
+            self.outbox.feed(&output).await?;
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;

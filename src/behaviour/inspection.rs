@@ -19,14 +19,6 @@ pub const INSPECTION: &str = "check";
 /// Time limit of an inspection; a text of the maximum length takes a small part of it.
 const LIMIT: Duration = Duration::from_secs(10);
 
-#[derive(Serialize, Deserialize)]
-struct Question {
-    source: Vec<u8>,
-    options: Options,
-    /// The folder of the file, relative to the behaviour's folder.
-    folder: String,
-}
-
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Inspected {
     pub diagnostics: Vec<Diagnostic>,
@@ -56,13 +48,8 @@ impl Inspector {
         options: &Options,
         folder: &str,
     ) -> Result<Inspected, WorkerError> {
-        let question = Question {
-            source: source.to_vec(),
-            options: options.clone(),
-            folder: folder.to_owned(),
-        };
         let broken = |error: postcard::Error| WorkerError::Broken(error.to_string());
-        let question = postcard::to_allocvec(&question).map_err(broken)?;
+        let question = postcard::to_allocvec(&(source, options, folder)).map_err(broken)?;
         let policy = SandboxPolicy {
             cpu_seconds: LIMIT.as_secs(),
             ..SandboxPolicy::default()
@@ -83,11 +70,8 @@ impl Inspector {
 /// Runs an inspection process. The arguments describe its `SandboxPolicy`.
 pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     sandbox::answer(arguments, STACK, |question| {
-        let Question {
-            source,
-            options,
-            folder,
-        } = postcard::from_bytes(question).map_err(io::Error::other)?;
+        let (source, options, folder): (Vec<u8>, Options, String) =
+            postcard::from_bytes(question).map_err(io::Error::other)?;
         let context = CheckContext::new(&options, Some(Path::new(&options.chunk)));
         let inspected = Inspected {
             diagnostics: check(&source, &options.chunk, &context),

@@ -1,5 +1,6 @@
-//! The messages between agent and host. A message has at most [`MAX_MESSAGE_LEN`]
-//! bytes in either direction, and a message that cannot be decoded ends the host.
+//! The messages between agent and host: [`ToHost`], and `FromHost` of the script. A message has at
+//! most [`MAX_MESSAGE_LEN`] bytes in either direction, and a message that cannot be decoded ends the
+//! host.
 
 use std::io;
 use std::marker::PhantomData;
@@ -14,8 +15,8 @@ use tokio_util::codec::{FramedRead, FramedWrite, LengthDelimitedCodec};
 use tracing::debug;
 
 use super::library::Library;
-use crate::robot::{Detection, EndReason, Event, Frame, ParamValue};
-use crate::script::{ModuleFile, ModuleName, NoModule, Options, Output, ScriptExit};
+use crate::robot::{EndReason, Event, Frame, ParamValue};
+use crate::script::{ModuleFile, ModuleName, NoModule, Options};
 
 /// A script and everything it needs to run, without secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -31,11 +32,11 @@ pub struct Launch {
 /// From the agent to the host.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum ToHost {
-    /// Load this script; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
+    /// Load this script; answered by `FromHost::Ready` or `FromHost::Ended`.
     Load(Box<Launch>),
     Run,
     Event(Event),
-    /// A frame, in answer to [`FromHost::WantFrame`].
+    /// A frame, in answer to `FromHost::WantFrame`.
     Frame(Frame),
     Prompt(PromptCommand),
     /// A user changes the value of a parameter.
@@ -43,7 +44,7 @@ pub enum ToHost {
         name: String,
         value: ParamValue,
     },
-    /// In answer to [`Output::Module`]: the module's file, or why it cannot be loaded.
+    /// In answer to `FromHost::Module`: the module's file, or why it cannot be loaded.
     Module(ModuleName, Result<ModuleFile, NoModule>),
     /// End within half a second.
     Stop(EndReason),
@@ -52,7 +53,7 @@ pub enum ToHost {
 /// What a user at a prompt wants.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PromptCommand {
-    /// Run this text; answered by [`Output::Evaluated`].
+    /// Run this text; answered by `FromHost::Evaluated`.
     Evaluate {
         text: String,
         /// Whether further lines may follow.
@@ -60,28 +61,6 @@ pub enum PromptCommand {
     },
     /// Stop the tracks, tasks and handlers that typed lines have started.
     Interrupt,
-}
-
-/// From the host to the agent. Each of them is a sign of life.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub enum FromHost {
-    /// Loaded without an error.
-    Ready,
-    /// A request or an output of the script.
-    Output(Output),
-    /// A sign of life, without further content.
-    Alive,
-    /// Requests one frame newer than the last, as soon as there is one.
-    WantFrame {
-        /// The last frame was damaged: the one before it is also acceptable.
-        damaged: bool,
-    },
-    /// The objects that the script found in a frame, for viewers.
-    Found {
-        frame: u64,
-        list: Vec<Detection>,
-    },
-    Ended(ScriptExit),
 }
 
 /// Maximum length of a message: a script of 256 KiB or a frame of 64 KiB fits easily.
@@ -176,8 +155,9 @@ mod tests {
     use tokio::time::Instant;
 
     use super::*;
-    use crate::behaviour::{FromHost, ToHost};
+    use crate::behaviour::ToHost;
     use crate::robot::Frame;
+    use crate::script::FromHost;
 
     #[tokio::test]
     async fn a_long_message_arrives_complete() {

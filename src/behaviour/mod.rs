@@ -18,7 +18,7 @@ mod watch;
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;
-pub use message::{FromHost, Launch, PromptCommand, ToHost};
+pub use message::{Launch, PromptCommand, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};
 pub use policy::{RestartDecision, RestartPolicy, RestartTracker, Restarts, is_failure};
 pub use process::{HOST_ARGUMENT, HostContext, Launcher, Prepared};

@@ -18,13 +18,13 @@ use super::host::{Time, serve};
 use super::inspection::Inspector;
 use super::library::Library;
 use super::limiter::HostLimiter;
-use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
+use super::message::{Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
 use crate::robot::channel::Request;
 use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::sandbox::{self, SandboxPolicy};
-use crate::script::{ModuleName, NoModule, ScriptExit};
+use crate::script::{FromHost, ModuleName, NoModule, ScriptExit};
 
 /// The hidden argument that makes the executable run as a host.
 pub const HOST_ARGUMENT: &str = "__host";

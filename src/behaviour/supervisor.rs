@@ -11,12 +11,12 @@ use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
 use super::limiter::{Admission, log};
-use super::message::{FromHost, PromptCommand, ToHost};
+use super::message::{PromptCommand, ToHost};
 use super::process::{EXIT_TIME, HostContext, Prepared, exit};
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{Detections, EndReason, HostReport, ParamChange, Pictures};
-use crate::script::{Evaluated, LogLine, Output, ScriptExit};
+use crate::script::{Evaluated, FromHost, LogLine, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
@@ -266,7 +266,7 @@ impl Supervisor {
         }
         let by = self.host.by;
         let request = match message {
-            FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
+            FromHost::Intent(intent) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
             FromHost::WantFrame { damaged } => {
                 self.frame_wanted = true;
@@ -284,22 +284,22 @@ impl Supervisor {
                     list,
                 });
             }
-            FromHost::Output(Output::Params(params)) => {
+            FromHost::Params(params) => {
                 return self
                     .context
                     .viewers
                     .params()
                     .declare(&self.host.name, params);
             }
-            FromHost::Output(Output::Log(line)) => return self.write(line),
-            FromHost::Output(Output::HostReport(report)) => return self.report(report),
-            FromHost::Output(Output::Evaluated(evaluated)) => {
+            FromHost::Log(line) => return self.write(line),
+            FromHost::HostReport(report) => return self.report(report),
+            FromHost::Evaluated(evaluated) => {
                 if let Some(repl_channel) = &self.repl_channel {
                     repl_channel.send(PromptMessage::Evaluated(evaluated));
                 }
                 return;
             }
-            FromHost::Output(Output::Module(name)) => {
+            FromHost::Module(name) => {
                 // Only a compromised host requests more than the queue holds: drop the request.
                 let _ = self.host.modules.try_send(name);
                 return;

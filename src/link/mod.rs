@@ -12,7 +12,7 @@ mod writer;
 
 pub use error::LinkError;
 pub use pace::{Delays, Executes};
-pub use reader::{Incoming, Reader};
+pub use reader::Reader;
 pub use session::{
     AcceptedLogin, Delivery, MAX_EARLY_REPORTS, Options, Session, Supervision, close_gracefully,
     connect, hang_up, open,

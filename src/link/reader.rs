@@ -14,14 +14,6 @@ const CHUNK_LEN: usize = 16 * 1024;
 /// Progress of an incomplete message is reported after this many more bytes.
 const GROWTH: usize = 1024;
 
-/// Data received from the robot.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Incoming {
-    Report(Report),
-    /// Further bytes, at least `GROWTH`, of a message whose rest is still arriving.
-    Progress,
-}
-
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
 pub struct Reader {
     io: Box<dyn AsyncRead + Send + Unpin>,
@@ -48,30 +40,31 @@ impl Reader {
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
-            if let Incoming::Report(report) = self.receive().await? {
+            if let Some(report) = self.receive().await? {
                 return Ok(report);
             }
         }
     }
 
-    /// Waits for the next report, or for progress of a long message. Cancel-safe.
+    /// Waits for the next report; `None`: at least `GROWTH` further bytes of a message whose rest is
+    /// still arriving. Cancel-safe.
     ///
     /// # Errors
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] once the framing is invalid, and on every later call;
     /// [`LinkError::Dead`] when the system has given up the connection.
-    pub async fn receive(&mut self) -> Result<Incoming, LinkError> {
+    pub async fn receive(&mut self) -> Result<Option<Report>, LinkError> {
         // Thousands of small messages fit into one chunk: timers must run between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
                 self.reported = 0;
-                return Ok(Incoming::Report(report));
+                return Ok(Some(report));
             }
             let buffered = self.decoder.buffered();
             if buffered >= self.reported + GROWTH {
                 self.reported = buffered;
-                return Ok(Incoming::Progress);
+                return Ok(None);
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -137,8 +130,8 @@ mod tests {
         let mut times = 0;
         let report = loop {
             match reader.receive().await.unwrap() {
-                Incoming::Progress => times += 1,
-                Incoming::Report(report) => break report,
+                None => times += 1,
+                Some(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg));

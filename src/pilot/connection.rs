@@ -1,4 +1,4 @@
-//! The read half of the link in all its states: connecting, connected, pausing.
+//! The attempts to connect, and the pauses between them.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -9,7 +9,7 @@ use rand::rngs::StdRng;
 use tokio::sync::watch;
 use tokio::time::{Instant, Sleep, sleep};
 
-use crate::link::{AcceptedLogin, Incoming, LinkError, Options, Reader, Session, Supervision};
+use crate::link::{AcceptedLogin, LinkError, Options, Session, Supervision};
 use crate::rate_limit::Backoff;
 use crate::robot_socket::FormerLink;
 use crate::wire::Command;
@@ -29,13 +29,10 @@ const HURRIED_ATTEMPT: Duration = Duration::from_secs(1);
 pub type Connector = Box<dyn FnMut(Supervision) -> Connecting + Send>;
 
 pub(super) enum ConnectionEvent {
-    /// Connected and logged in; the reader is to be given back to [`Connection::set_up`].
+    /// Connected and logged in; no further attempt is made until [`Connection::reconnect`].
     Up(Box<Session>),
-    Incoming(Incoming),
     /// The robot has accepted the login of an attempt; `None`: that link has ended.
     Accepted(Option<AcceptedLogin>),
-    /// An open link is lost.
-    Lost(LinkError),
     /// An attempt has failed; another will be made.
     Failed(LinkError),
 }
@@ -45,7 +42,6 @@ enum State {
     Connecting(Attempt),
     /// The pilot has the session.
     Connected,
-    Up(Reader),
 }
 
 struct Attempt {
@@ -176,12 +172,6 @@ impl Connection {
                     };
                 }
                 State::Connected => std::future::pending().await,
-                State::Up(reader) => {
-                    return match reader.receive().await {
-                        Ok(received) => ConnectionEvent::Incoming(received),
-                        Err(error) => ConnectionEvent::Lost(error),
-                    };
-                }
             }
             let supervision = self.supervision();
             self.state = begin_attempt(&mut self.connector, supervision);
@@ -203,27 +193,10 @@ impl Connection {
         supervision
     }
 
-    /// Receives from an open link from now on.
-    pub(super) fn set_up(&mut self, reader: Reader) {
-        self.state = State::Up(reader);
-    }
-
-    /// Ends an open link: returns its read half, and reconnects after a pause.
-    pub(super) fn disconnect(&mut self) -> Option<Reader> {
-        let none = State::Pausing(Box::pin(sleep(Duration::ZERO)));
-        match std::mem::replace(&mut self.state, none) {
-            State::Up(reader) => {
-                self.schedule_reconnect();
-                Some(reader)
-            }
-            State::Connected => {
-                self.schedule_reconnect();
-                None
-            }
-            other => {
-                self.state = other;
-                None
-            }
+    /// The open link has ended, if there was one: reconnects after a pause.
+    pub(super) fn reconnect(&mut self) {
+        if matches!(self.state, State::Connected) {
+            self.schedule_reconnect();
         }
     }
 
@@ -300,13 +273,10 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_link_that_has_ended_is_dialled_again_after_a_pause() {
         let (mut connection, mut robots) = connection();
-        let ConnectionEvent::Up(session) = connection.next().await else {
-            panic!("not connected");
-        };
-        connection.set_up(session.reader);
+        assert!(matches!(connection.next().await, ConnectionEvent::Up(_)));
         let _robot = robots.recv().await.unwrap();
-        assert!(connection.disconnect().is_some());
-        assert!(connection.disconnect().is_none());
+        connection.reconnect();
+        connection.reconnect();
         assert!(robots.try_recv().is_err(), "an attempt has begun");
         assert!(matches!(connection.next().await, ConnectionEvent::Up(_)));
     }

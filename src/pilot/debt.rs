@@ -20,21 +20,11 @@ const NOT_CONFIRMED_AFTER: Duration = Duration::from_secs(2);
 /// How often to check whether it is confirmed.
 const RECHECK: Duration = Duration::from_millis(50);
 
-/// What a batch of commands does to the robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Effect {
-    Motion,
-    Stop,
-}
-
-fn effect(command: &Command) -> Option<Effect> {
-    match command {
-        Command::Move { left: 0, right: 0 } | Command::Engine(Engage::CancelDock) => {
-            Some(Effect::Stop)
-        }
-        Command::Move { .. } | Command::Engine(_) => Some(Effect::Motion),
-        _ => None,
-    }
+fn stops(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Move { left: 0, right: 0 } | Command::Engine(Engage::CancelDock)
+    )
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,12 +80,15 @@ impl Debt {
 
     /// Handles commands that are about to be written.
     pub(super) fn handle(&mut self, commands: &[Command], now: Instant) {
-        match commands.iter().filter_map(effect).next_back() {
-            Some(Effect::Motion) => {
+        let last = commands
+            .iter()
+            .rfind(|command| matches!(command, Command::Move { .. } | Command::Engine(_)));
+        match last {
+            Some(last) if stops(last) => self.stopped(now, ASK_AFTER),
+            Some(_) => {
                 self.stage = Stage::Moving { still_since: None };
                 self.paid = StopConfirmation::None;
             }
-            Some(Effect::Stop) => self.stopped(now, ASK_AFTER),
             None => {}
         }
     }

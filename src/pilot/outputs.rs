@@ -63,20 +63,17 @@ impl Restrictions {
     }
 }
 
-/// Quiet hours: which commands are withheld from the robot meanwhile. Motion is not affected.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct QuietHours(pub(super) Quiet);
-
-impl QuietHours {
+/// Which commands are withheld from the robot in quiet hours. Motion is not affected.
+impl Quiet {
     /// Whether a behaviour's command may be sent. A rescue behaviour may need the headlight to see
     /// the way home, and a person who sends commands knows what time it is.
     pub(super) fn allows(self, role: Role, command: &Command) -> bool {
-        self.0 == Quiet::Off || role != Role::Behaviour || !disturbs(command)
+        self == Quiet::Off || role != Role::Behaviour || !disturbs(command)
     }
 
     /// Whether a command of the watchdog, or of the alarm, may be sent.
     pub(super) fn allows_alarm(self, command: &Command) -> bool {
-        self.0 != Quiet::WithAlarm || !disturbs(command)
+        self != Quiet::WithAlarm || !disturbs(command)
     }
 
     /// The commands that end the noise when quiet hours begin; `alarm`: the alarm sounds at
@@ -89,7 +86,7 @@ impl QuietHours {
                 on: false,
             },
         ];
-        match self.0 {
+        match self {
             Quiet::Off => &[],
             Quiet::Scripts if alarm => &[],
             Quiet::Scripts | Quiet::WithAlarm => SILENCE,
@@ -109,7 +106,7 @@ impl Pilot {
     pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkError> {
         let commands = acts.iter().filter_map(Act::command);
         let commands: Vec<Command> = commands
-            .filter(|command| self.quiet_hours.allows_alarm(command))
+            .filter(|command| self.quiet.allows_alarm(command))
             .collect();
         let mut done = self.send(&commands);
         for act in acts {
@@ -389,22 +386,17 @@ mod tests {
     #[test]
     fn quiet_hours_withhold_sounds_and_headlight_from_scripts_but_no_motion() {
         for quiet in [Quiet::Scripts, Quiet::WithAlarm] {
-            let quiet_hours = QuietHours(quiet);
-            let scripts = |command: &Command| quiet_hours.allows(Role::Behaviour, command);
+            let scripts = |command: &Command| quiet.allows(Role::Behaviour, command);
             assert!(!NOISE.iter().any(scripts));
-            assert!(
-                NOISE
-                    .iter()
-                    .all(|noise| quiet_hours.allows(Role::Person, noise))
-            );
+            assert!(NOISE.iter().all(|noise| quiet.allows(Role::Person, noise)));
             for command in [Command::STOP, Command::Engine(Engage::Dock)] {
-                assert!(scripts(&command) && quiet_hours.allows_alarm(&command));
+                assert!(scripts(&command) && quiet.allows_alarm(&command));
             }
         }
         assert!(
             NOISE
                 .iter()
-                .all(|noise| QuietHours::default().allows(Role::Behaviour, noise))
+                .all(|noise| Quiet::Off.allows(Role::Behaviour, noise))
         );
     }
 
@@ -412,8 +404,8 @@ mod tests {
     fn the_alarm_sounds_at_night_only_if_the_config_says_so() {
         let play = |command: &&Command| matches!(command, Command::Play(_));
         let sound = ALARM.iter().find(play).unwrap();
-        assert!(QuietHours(Quiet::Scripts).allows_alarm(sound));
-        assert!(!QuietHours(Quiet::WithAlarm).allows_alarm(sound));
+        assert!(Quiet::Scripts.allows_alarm(sound));
+        assert!(!Quiet::WithAlarm.allows_alarm(sound));
     }
 
     const EMPTY: Restrictions = Restrictions {

@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::outputs::{QuietHours, Restrictions};
+use super::outputs::Restrictions;
 use super::throttle::Throttle;
 use crate::link::LinkError;
 use crate::robot::channel::{
@@ -85,11 +85,8 @@ impl Pilot {
     ) -> Result<(), LinkError> {
         match intent {
             Intent::Release { .. } => {
-                self.defer(Fact::Asked {
-                    by,
-                    priority,
-                    intent,
-                });
+                self.watchdog.request(by, priority, intent, Instant::now());
+                self.has_deferred = true;
                 Ok(())
             }
             Intent::Dock { call, .. } if !self.admits(by, Engage::Dock) => {
@@ -108,11 +105,10 @@ impl Pilot {
             | Intent::CancelDock => {
                 self.stopwatch
                     .serving(matches!(intent, Intent::Move { .. }));
-                let served = self.handle(Fact::Asked {
-                    by,
-                    priority,
-                    intent,
-                });
+                let now = Instant::now();
+                self.watchdog.request(by, priority, intent, now);
+                let acts = self.watchdog.poll(now);
+                let served = self.perform(acts);
                 self.stopwatch.serving(false);
                 served
             }
@@ -156,15 +152,14 @@ impl Pilot {
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
         let restrictions = Restrictions::demanded_by(&self.watchdog);
         let role = self.sessions.role(by).unwrap_or_default();
-        self.quiet_hours.allows(role, command) && self.sessions.allows(by, command, restrictions)
+        self.quiet.allows(role, command) && self.sessions.allows(by, command, restrictions)
     }
 
     fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkError> {
-        let quiet_hours = QuietHours(quiet);
-        if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
+        if std::mem::replace(&mut self.quiet, quiet) == quiet {
             return Ok(());
         }
-        let noise = quiet_hours.commands_at_start(self.watchdog.alarm_sounds());
+        let noise = quiet.commands_at_start(self.watchdog.alarm_sounds());
         if let Some(writer) = &mut self.writer
             && !noise.is_empty()
         {
@@ -217,7 +212,7 @@ impl Pilot {
         self.flush_deferred()?;
         let alarm: Vec<Command> = ALARM
             .into_iter()
-            .filter(|command| self.quiet_hours.allows_alarm(command))
+            .filter(|command| self.quiet.allows_alarm(command))
             .collect();
         self.send(&alarm)
     }
@@ -429,10 +424,6 @@ impl Sessions {
         let listens = |session: &&mut Session| session.streams.contains(&Stream::AudioIn);
         let listeners = self.sessions.values_mut().filter(listens);
         listeners.for_each(|session| session.events.tell(event.clone()));
-    }
-
-    pub(super) fn welcome_all(&mut self, welcome: &[Event]) {
-        welcome.iter().for_each(|event| self.tell_all(event));
     }
 
     /// Notes that a behaviour wants a stream, or no longer wants it.

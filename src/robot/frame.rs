@@ -30,13 +30,6 @@ pub struct Pictures {
     pub before: Option<Frame>,
 }
 
-impl Pictures {
-    /// Stores a new frame.
-    pub fn push(&mut self, frame: Frame) {
-        self.before = self.newest.replace(frame);
-    }
-}
-
 mod age {
     use std::time::Duration;
 

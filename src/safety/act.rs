@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
+use crate::robot::{BehaviourId, EndReason, Event};
 use crate::wire::{Command, Engage, EngineReport, Power};
 
-/// An input: something that has happened.
+/// An input: something that has happened, besides the requests of behaviours.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fact {
     /// Logged in; the tracks were told to stop.
@@ -22,13 +22,6 @@ pub enum Fact {
     Pace(Duration),
     /// Whether a stream is on that makes the robot send data.
     Streaming(bool),
-    /// A behaviour requests something that moves the robot.
-    Asked {
-        by: BehaviourId,
-        priority: Priority,
-        /// The request. An intent that moves nothing is ignored.
-        intent: Intent,
-    },
     /// A behaviour's host has sent a sign of life.
     Alive(BehaviourId),
     /// A behaviour has ended, for whatever reason.

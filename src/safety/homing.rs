@@ -1,18 +1,21 @@
 //! The way home of a robot with a low battery, from the first search until the battery is good
-//! again. A failed search is followed by
+//! again. Its phases:
 //!
-//! - a grant: a behaviour that can see drives the robot elsewhere for twice as long as the
-//!   search took ([`DriveGrant`]);
-//! - or a short blind [`BlindMove`] of the watchdog's own, where nothing can be granted or the
-//!   grant was not used;
-//! - or, where neither is allowed, a wait.
+//! - waiting: the robot stands until the next search;
+//! - searching: the robot looks for its station on its own;
+//! - granted: a behaviour that can see drives it elsewhere, for twice as long as the failed search
+//!   took ([`DriveGrant`]);
+//! - driving: the watchdog makes a short [`BlindMove`], where nothing can be granted or the grant
+//!   was not used.
 //!
-//! Then the robot searches from there: a search from the same place fails again and again. When too
-//! many searches have failed, the alarm calls for a person, and the searches continue.
+//! A failed search is followed by a grant, a blind move or, where neither is allowed, a pause, and
+//! that by the next search: one from the same place fails again and again. When too many searches
+//! have failed, the alarm calls for a person, beside the phases: the searches continue.
 //!
 //! How the real robot handles a MOVE between two searches is not known (`PROTOCOL.md`, *Not
 //! known*), so each grant and each blind move ends with a stop and a new BASE_FIND.
 
+use std::fmt;
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -25,9 +28,10 @@ use crate::wire::{Command, Led, Sound};
 /// The commands that sound the alarm: at full volume, whatever volume was set before.
 pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
 
-/// What begins, or follows a failed search.
+/// What comes next. Its text is for people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HomingStep {
+    /// A search: now ([`Homing::poll`]), or within a moment ([`Homing::search_failed`]).
     Search,
     /// A grant of the tracks.
     DriveGrant {
@@ -41,15 +45,30 @@ pub enum HomingStep {
     Pause(Duration),
 }
 
+impl fmt::Display for HomingStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            HomingStep::Search => f.write_str("searches again"),
+            HomingStep::DriveGrant { time, .. } => write!(
+                f,
+                "a rescue behaviour may drive for {:.0} s, then it searches from there",
+                time.as_secs_f64()
+            ),
+            HomingStep::BlindMove(number) => write!(
+                f,
+                "makes short blind move {number}, and searches from there"
+            ),
+            HomingStep::Pause(pause) => write!(f, "tries again in {:.0} s", pause.as_secs_f64()),
+        }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum HomingPhase {
-    /// The robot searches on its own.
+    Waiting { until: Instant },
     Searching,
     Granted(DriveGrant),
     Driving(BlindMove),
-    Waiting {
-        until: Instant,
-    },
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -62,13 +81,17 @@ struct Alarm {
 #[derive(Debug, Clone)]
 pub struct Homing {
     began: Instant,
+    /// The shortest grant.
     grant_time: Duration,
+    /// How long the robot stands after a search where neither a grant nor a blind move is allowed.
     pause: Duration,
+    /// How many searches after the first may fail before the alarm.
     retries: u32,
     phase: HomingPhase,
-    searched: Option<Instant>,
-    /// The last search failed because it found no station from where the robot stands.
-    blind: bool,
+    /// When the last search began.
+    searched_at: Option<Instant>,
+    /// The last search has found no station from where the robot stands.
+    found_nothing: bool,
     failures: u32,
     blind_moves: u32,
     alarm: Option<Alarm>,
@@ -94,8 +117,8 @@ impl Homing {
             pause: limits.dock_pause.get(),
             retries: limits.dock_retries,
             phase: HomingPhase::Waiting { until: now },
-            searched: None,
-            blind: false,
+            searched_at: None,
+            found_nothing: false,
             failures: 0,
             blind_moves: 0,
             alarm: None,
@@ -107,31 +130,39 @@ impl Homing {
     /// whether a blind move is allowed now: a blind move that is no longer allowed ends.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<HomingStep> {
         match self.phase {
-            HomingPhase::Waiting { until } if until <= now => Some(self.search(now)),
-            HomingPhase::Granted(grant) if grant.is_over(now) => {
-                if !grant.used() && self.blind && may_drive {
-                    return Some(HomingStep::BlindMove(self.drive(now)));
-                }
-                self.wait(Duration::ZERO, now);
-                self.poll(may_drive, now)
-            }
-            HomingPhase::Driving(blind_move)
-                if !may_drive || blind_move.setpoint(now).is_none() =>
-            {
-                Some(self.search(now))
-            }
+            HomingPhase::Waiting { .. } => {}
             // The search has ended, but no report says that it failed.
-            HomingPhase::Searching => {
-                self.wait(Duration::ZERO, now);
-                self.poll(may_drive, now)
+            HomingPhase::Searching => self.wait(Duration::ZERO, now),
+            HomingPhase::Granted(grant) if !grant.is_over(now) => return None,
+            HomingPhase::Granted(grant) if !grant.used() && self.found_nothing && may_drive => {
+                return Some(self.begin_blind_move(now));
             }
+            HomingPhase::Granted(_) => self.wait(Duration::ZERO, now),
+            HomingPhase::Driving(blind_move) if may_drive && blind_move.setpoint(now).is_some() => {
+                return None;
+            }
+            HomingPhase::Driving(_) => return Some(self.begin_search(now)),
+        }
+        match self.phase {
+            HomingPhase::Waiting { until } if until <= now => Some(self.begin_search(now)),
             _ => None,
+        }
+    }
+
+    /// When [`Homing::poll`] has something to do or [`Homing::setpoint`] changes, seen from
+    /// `now`. A time in the past means at once.
+    pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
+        match self.phase {
+            HomingPhase::Waiting { until } => Some(until),
+            HomingPhase::Granted(grant) => Some(grant.next_deadline()),
+            HomingPhase::Driving(blind_move) => blind_move.next_deadline(now).or(Some(now)),
+            HomingPhase::Searching => None,
         }
     }
 
     /// Handles a failed search and begins what follows: `rescuer` is the behaviour that the tracks
     /// may be granted to, `may_drive` tells whether a blind move is allowed now.
-    pub fn failed(
+    pub fn search_failed(
         &mut self,
         end: DockEnd,
         rescuer: Option<BehaviourId>,
@@ -139,7 +170,7 @@ impl Homing {
         now: Instant,
     ) -> HomingStep {
         self.failures = self.failures.saturating_add(1);
-        self.blind = end == DockEnd::BaseNotFound;
+        self.found_nothing = end == DockEnd::BaseNotFound;
         if end == DockEnd::NotCharging {
             self.wait(Duration::ZERO, now);
             HomingStep::Search
@@ -147,8 +178,8 @@ impl Homing {
             let time = self.grant_time(now);
             self.phase = HomingPhase::Granted(DriveGrant::start(by, time, now));
             HomingStep::DriveGrant { by, time }
-        } else if self.blind && may_drive {
-            HomingStep::BlindMove(self.drive(now))
+        } else if self.found_nothing && may_drive {
+            self.begin_blind_move(now)
         } else {
             self.wait(self.pause, now);
             HomingStep::Pause(self.pause)
@@ -158,13 +189,32 @@ impl Homing {
     /// Twice as long as the failed search took: many short grants between long searches spend the
     /// battery on searches from places close to each other.
     fn grant_time(&self, now: Instant) -> Duration {
-        let began = self.searched.unwrap_or(now);
+        let began = self.searched_at.unwrap_or(now);
         let took = now.saturating_duration_since(began);
         (2 * took).clamp(self.grant_time, Homing::LONGEST_GRANT.max(self.grant_time))
     }
 
+    fn begin_blind_move(&mut self, now: Instant) -> HomingStep {
+        self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
+        self.blind_moves = self.blind_moves.saturating_add(1);
+        HomingStep::BlindMove(self.blind_moves)
+    }
+
+    fn begin_search(&mut self, now: Instant) -> HomingStep {
+        self.phase = HomingPhase::Searching;
+        self.searched_at = Some(now);
+        HomingStep::Search
+    }
+
+    /// Waits for the next search: for `pause`, and until [`Homing::MOMENT`] after the last one.
+    fn wait(&mut self, pause: Duration, now: Instant) {
+        let earliest = self.searched_at.map_or(now, |at| at + Homing::MOMENT);
+        let until = earliest.max(now + pause);
+        self.phase = HomingPhase::Waiting { until };
+    }
+
     /// Ends a grant or a blind move; the search from here comes next.
-    pub fn end(&mut self, now: Instant) {
+    pub fn end_drive(&mut self, now: Instant) {
         if matches!(
             self.phase,
             HomingPhase::Granted(_) | HomingPhase::Driving(_)
@@ -177,7 +227,7 @@ impl Homing {
     /// not a pause. A search from wherever the robot is then follows, no sooner than
     /// [`Homing::MOMENT`] after what was ended: nothing is sent over a dead link.
     pub fn interrupt(&mut self, now: Instant) {
-        self.blind = false;
+        self.found_nothing = false;
         if !matches!(self.phase, HomingPhase::Waiting { .. }) {
             let until = now + Homing::MOMENT;
             self.phase = HomingPhase::Waiting { until };
@@ -186,7 +236,7 @@ impl Homing {
 
     /// The robot was moved, or its activity is not known: a search comes next, at once.
     pub fn search_at_once(&mut self, now: Instant) {
-        self.blind = false;
+        self.found_nothing = false;
         self.phase = HomingPhase::Waiting { until: now };
     }
 
@@ -228,6 +278,8 @@ impl Homing {
     pub fn has_failed_too_often(&self) -> bool {
         self.failures > self.retries
     }
+
+    // The alarm, beside the phases.
 
     /// Begins the alarm, unless it sounds already.
     pub fn start_alarm(&mut self, now: Instant) {
@@ -279,35 +331,6 @@ impl Homing {
         };
         if alarm.flash_on { Some(off) } else { None }
     }
-
-    /// When [`Homing::poll`] has something to do or [`Homing::setpoint`] changes, seen from
-    /// `now`. A time in the past means at once.
-    pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
-        match self.phase {
-            HomingPhase::Waiting { until } => Some(until),
-            HomingPhase::Granted(grant) => Some(grant.next_deadline()),
-            HomingPhase::Driving(blind_move) => blind_move.next_deadline(now).or(Some(now)),
-            HomingPhase::Searching => None,
-        }
-    }
-
-    fn wait(&mut self, pause: Duration, now: Instant) {
-        let earliest = self.searched.map_or(now, |at| at + Homing::MOMENT);
-        let until = earliest.max(now + pause);
-        self.phase = HomingPhase::Waiting { until };
-    }
-
-    fn drive(&mut self, now: Instant) -> u32 {
-        self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
-        self.blind_moves = self.blind_moves.saturating_add(1);
-        self.blind_moves
-    }
-
-    fn search(&mut self, now: Instant) -> HomingStep {
-        self.phase = HomingPhase::Searching;
-        self.searched = Some(now);
-        HomingStep::Search
-    }
 }
 
 #[cfg(test)]
@@ -326,9 +349,9 @@ mod tests {
     }
 
     #[test]
-    fn a_leg_begins_at_once_and_a_search_follows_it() {
+    fn a_blind_move_begins_at_once_and_a_search_follows_it() {
         let (mut homing, now) = searching();
-        let next = homing.failed(DockEnd::BaseNotFound, None, true, now);
+        let next = homing.search_failed(DockEnd::BaseNotFound, None, true, now);
         assert_eq!(next, HomingStep::BlindMove(1));
         assert!(homing.setpoint(now + SECOND).is_some());
         let due = homing.next_deadline(now).unwrap();
@@ -337,9 +360,9 @@ mod tests {
         assert_eq!(homing.poll(true, now + SECOND), None);
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.setpoint(due), None);
-        let next = homing.failed(DockEnd::BaseNotFound, None, true, due);
+        let next = homing.search_failed(DockEnd::BaseNotFound, None, true, due);
         assert_eq!(next, HomingStep::BlindMove(2));
-        homing.end(due);
+        homing.end_drive(due);
         assert_eq!(homing.poll(true, due + SECOND), Some(HomingStep::Search));
         let due = due + SECOND;
         assert_eq!(homing.poll(true, due), None, "not twice in a second");
@@ -360,7 +383,7 @@ mod tests {
             let mut homing = Homing::new(&Limits::default(), now);
             assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
             let failed = now + search * SECOND;
-            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, failed);
+            homing.search_failed(DockEnd::BaseNotFound, Some(WHO), true, failed);
             homing.note_motion(true, failed);
             assert_eq!(homing.next_deadline(failed), Some(failed + grant * SECOND));
         }
@@ -369,11 +392,11 @@ mod tests {
     #[test]
     fn an_interruption_ends_everything_but_a_pause() {
         let (mut homing, now) = searching();
-        homing.failed(DockEnd::BaseNotFound, None, true, now);
+        homing.search_failed(DockEnd::BaseNotFound, None, true, now);
         homing.interrupt(now);
         assert_eq!(homing.next_deadline(now), Some(now + SECOND));
         assert_eq!(homing.poll(true, now + SECOND), Some(HomingStep::Search));
-        homing.failed(DockEnd::Timeout, None, false, now + SECOND);
+        homing.search_failed(DockEnd::Timeout, None, false, now + SECOND);
         let due = homing.next_deadline(now);
         homing.interrupt(now + 2 * SECOND);
         assert_eq!(homing.next_deadline(now), due);
@@ -387,15 +410,15 @@ mod tests {
     #[test]
     fn ending_a_grant_changes_nothing_in_a_pause_or_a_search() {
         let (mut homing, now) = searching();
-        homing.end(now);
+        homing.end_drive(now);
         assert_eq!(homing.next_deadline(now), None);
-        homing.failed(DockEnd::BaseNotFound, None, false, now);
-        homing.end(now);
+        homing.search_failed(DockEnd::BaseNotFound, None, false, now);
+        homing.end_drive(now);
         assert_eq!(homing.next_deadline(now), Some(now + 20 * SECOND));
         homing.search_at_once(now);
         homing.poll(true, now);
-        homing.failed(DockEnd::BaseNotFound, None, true, now + SECOND);
-        homing.end(now + 2 * SECOND);
+        homing.search_failed(DockEnd::BaseNotFound, None, true, now + SECOND);
+        homing.end_drive(now + 2 * SECOND);
         assert_eq!(
             homing.poll(true, now + 2 * SECOND),
             Some(HomingStep::Search)

@@ -1,4 +1,4 @@
-//! All safety rules combined: facts and the time go in, acts come out.
+//! All safety rules combined: facts, requests and the time go in, acts come out.
 //!
 //! Every command that can move the robot is made here and nowhere else. A behaviour's motion
 //! request goes through the [`Arbiter`], then through [`Watchdog::refusal`]; if it passes,
@@ -158,11 +158,6 @@ impl Watchdog {
                 }
                 self.streaming = on;
             }
-            Fact::Asked {
-                by,
-                priority,
-                intent,
-            } => self.asked(by, priority, intent, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.set_rescuer(by, now),
@@ -631,7 +626,8 @@ impl Watchdog {
     }
 
     /// Starts or continues the way home if the battery is low and no docking of the watchdog's is
-    /// under way. A behaviour's docking becomes the watchdog's own.
+    /// under way: waits on the station for charging, or begins the next search or blind move when
+    /// it is due. A behaviour's docking becomes the watchdog's own.
     fn pursue_home(&mut self, now: Instant) {
         let underway = matches!(&self.docking, Some(active) if active.forced);
         if !self.online || self.battery_monitor.low().is_none() || underway {
@@ -646,7 +642,21 @@ impl Watchdog {
         if self.docking.is_some() {
             self.search_at_once(now);
         }
-        self.continue_homing(now);
+        self.watch_grantee(now);
+        let may_drive = self.may_move_blindly();
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        match homing.poll(may_drive, now) {
+            None => {}
+            Some(HomingStep::Search) => self.send_home(now),
+            // A blind move in place of a grant that was not used.
+            Some(next) => {
+                self.end_motion(MotionEnd::Safety);
+                let reason = format!("no behaviour has driven: {next}");
+                self.announce(SafetyAction::Dock, reason);
+            }
+        }
     }
 
     /// Begins a search of the watchdog's own or, on the station, the wait for charging.
@@ -810,14 +820,15 @@ impl Watchdog {
     // Between two searches.
 
     fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
-        let may_lend = !self.run_ending && !self.is_in_place() && self.limits.rescue != Rescue::Off;
-        let rescuer = if may_lend { self.rescuer } else { None };
+        let may_grant =
+            !self.run_ending && !self.is_in_place() && self.limits.rescue != Rescue::Off;
+        let rescuer = if may_grant { self.rescuer } else { None };
         let may_drive = self.may_move_blindly();
         let stuck = end == DockEnd::NotCharging && self.dock_state() == DockState::Unknown;
         let Some(homing) = &mut self.homing else {
             return;
         };
-        let next = homing.failed(end, rescuer, may_drive, now);
+        let next = homing.search_failed(end, rescuer, may_drive, now);
         let failures = homing.failures();
         if homing.has_failed_too_often() || stuck {
             homing.start_alarm(now);
@@ -828,59 +839,19 @@ impl Watchdog {
         } else {
             SafetyAction::Dock
         };
-        let next = self.begin(next);
+        if let HomingStep::DriveGrant { by, time: seconds } = next {
+            let power = self.limits.rescue_power;
+            self.acts
+                .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
+        }
         self.announce(
             action,
             format!("docking failed ({end}) {failures} times: {next}"),
         );
     }
 
-    fn begin(&mut self, next: HomingStep) -> String {
-        match next {
-            HomingStep::Search => "searches again".to_owned(),
-            HomingStep::BlindMove(number) => {
-                format!("makes short blind move {number}, and searches from there")
-            }
-            HomingStep::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            HomingStep::DriveGrant { by, time: seconds } => {
-                let power = self.limits.rescue_power;
-                self.acts
-                    .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
-                let seconds = seconds.as_secs_f64();
-                format!(
-                    "a rescue behaviour may drive for {seconds:.0} s, then it searches from there"
-                )
-            }
-        }
-    }
-
-    /// Off the station and without a docking under way: begins the next blind move or search when
-    /// it is due.
-    fn continue_homing(&mut self, now: Instant) {
-        if self.docked() {
-            return;
-        }
-        self.watch_borrower(now);
-        let may_drive = self.may_move_blindly();
-        let Some(homing) = &mut self.homing else {
-            return;
-        };
-        match homing.poll(may_drive, now) {
-            None => {}
-            Some(HomingStep::Search) => self.send_home(now),
-            Some(next) => {
-                self.end_motion(MotionEnd::Safety);
-                let next = self.begin(next);
-                self.announce(
-                    SafetyAction::Dock,
-                    format!("no behaviour has driven: {next}"),
-                );
-            }
-        }
-    }
-
     /// Notes whether the grantee drives, and ends its grant if its host falls silent meanwhile.
-    fn watch_borrower(&mut self, now: Instant) {
+    fn watch_grantee(&mut self, now: Instant) {
         let Some(by) = self.grantee() else {
             return;
         };
@@ -889,7 +860,7 @@ impl Watchdog {
         if let Some(homing) = &mut self.homing {
             homing.note_motion(moves, now);
             if silent {
-                homing.end(now);
+                homing.end_drive(now);
             }
         }
     }
@@ -974,7 +945,7 @@ impl Watchdog {
 
     fn end_grant(&mut self, now: Instant) {
         if let Some(homing) = &mut self.homing {
-            homing.end(now);
+            homing.end_drive(now);
         }
     }
 
@@ -984,7 +955,7 @@ impl Watchdog {
         if let Some(homing) = &mut self.homing
             && homing.grantee().is_some_and(|grantee| by != Some(grantee))
         {
-            homing.end(now);
+            homing.end_drive(now);
         }
     }
 
@@ -1181,7 +1152,10 @@ impl Watchdog {
 
     // Requests.
 
-    fn asked(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
+    /// Takes in what a behaviour asks of the robot, like [`Watchdog::apply`]: the acts come with
+    /// the next [`Watchdog::poll`], which must follow immediately. An intent that moves nothing is
+    /// ignored.
+    pub fn request(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
         self.leases.renew(by, now);
         let caller = |call| Caller { by, priority, call };
         match intent {

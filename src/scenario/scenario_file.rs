@@ -16,7 +16,7 @@ use crate::behaviour::{Library, read_source};
 use crate::check;
 use crate::robot::EndReason;
 use crate::script::{
-    self, NoModule, Output, ScenarioApi, ScenarioCall, ScenarioCallResult, Script, ScriptExit,
+    self, FromHost, NoModule, ScenarioApi, ScenarioCall, ScenarioCallResult, Script, ScriptExit,
     suggestion,
 };
 use crate::sim::World;
@@ -166,8 +166,8 @@ impl ScenarioFile {
     pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
         for output in script.take_output() {
             match output {
-                Output::Log(written) => line(written.text),
-                Output::Module(name) => {
+                FromHost::Log(written) => line(written.text),
+                FromHost::Module(name) => {
                     let folder = self.folder.clone();
                     let file = folder
                         .map_or_else(Library::default, Library::new)
@@ -175,10 +175,7 @@ impl ScenarioFile {
                         .map_err(|error| NoModule(error.to_string()));
                     script.deliver_module(&name, file, Instant::now());
                 }
-                Output::Intent(_)
-                | Output::Evaluated(_)
-                | Output::Params(_)
-                | Output::HostReport(_) => {}
+                _ => {}
             }
         }
     }

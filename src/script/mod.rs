@@ -30,13 +30,13 @@ pub(crate) mod tests;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mlua::prelude::{Lua, LuaMultiValue, LuaResult, LuaThread};
+use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaThread};
 use mlua::thread::ThreadStatus;
 use tokio::time::Instant;
 
 use crate::robot::{EndReason, Event, Frame};
 use crate::wire::Stream;
-use api::{Shared, resume_values};
+use api::{Shared, payload_to_lua, resume_values};
 use budget::SliceCost;
 use declaration::no_declaration_error;
 use events::{Busy, EventName};
@@ -58,7 +58,7 @@ pub use options::{
     ScenarioCallResult,
 };
 pub(crate) use output::{DailyLimits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
-pub use output::{Evaluated, Level, LogLine, Output};
+pub use output::{Evaluated, FromHost, Level, LogLine};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
@@ -312,9 +312,10 @@ impl Script {
             return Ok(None);
         };
         let thread = self.lua.create_thread(subscription.function.clone())?;
-        let answer = Wakeup::Deliver(payload);
+        let argument = payload_to_lua(&payload, &self.lua)?;
+        let start = Wakeup::Start(argument.into_lua_multi(&self.lua)?);
         let kind = TaskKind::Handler(id);
-        let task = state.tasks.insert(thread, kind, answer, now).id;
+        let task = state.tasks.insert(thread, kind, start, now).id;
         if let Some(subscription) = state.subscriptions.get_mut(&id) {
             subscription.busy = Busy::Running(task);
             if subscription.once {
@@ -548,7 +549,7 @@ impl Script {
     }
 
     /// Runs what a person typed: an expression, or statements. The answer is
-    /// [`Output::Evaluated`], sent when the line has finished, which may
+    /// [`FromHost::Evaluated`], sent when the line has finished, which may
     /// involve waiting. Does nothing if the script is ending.
     ///
     /// `more` allows the answer [`Evaluated::Incomplete`].
@@ -571,7 +572,7 @@ impl Script {
                 let start = Wakeup::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
-            Err(answer) => state.output.push(Output::Evaluated(answer)),
+            Err(answer) => state.output.push(FromHost::Evaluated(answer)),
         }
     }
 
@@ -592,7 +593,7 @@ impl Script {
 
     /// Returns the script's output since the last call, in order. It is bounded: a script that
     /// sends too much gets errors, and excess log lines are replaced by their number.
-    pub fn take_output(&mut self) -> Vec<Output> {
+    pub fn take_output(&mut self) -> Vec<FromHost> {
         self.state.borrow_mut().output.take()
     }
 

@@ -1,15 +1,16 @@
-//! The output of a script: intents and log lines, both bounded.
+//! What a host sends to the agent: the script's output, intents and log lines, both bounded, and
+//! the host's own messages.
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::failure::printable;
+use super::failure::{ScriptExit, printable};
 use super::modules::ModuleName;
 use super::options::{Limits, NOTICES_A_DAY};
 use crate::rate_limit::Budget;
-use crate::robot::{DeclaredParam, HostReport, Intent};
+use crate::robot::{DeclaredParam, Detection, HostReport, Intent};
 
 const MAX_INTENTS: usize = 256;
 /// Largest number of bytes of `Intent::Say` in the queue.
@@ -29,9 +30,10 @@ pub(crate) const MAX_NOTICE: usize = 1000;
 /// Bytes of a journal entry besides its texts.
 const OVERHEAD: usize = 100;
 
-/// One item of a script's output.
+/// From the host to the agent. Each of them is a sign of life. Those from [`FromHost::Intent`] to
+/// [`FromHost::Module`] are the script's output, the others the host's own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Output {
+pub enum FromHost {
     /// A command for the robot.
     Intent(Intent),
     Log(LogLine),
@@ -43,6 +45,21 @@ pub enum Output {
     /// A request for the file of this module: see
     /// [`Script::deliver_module`](super::Script::deliver_module).
     Module(ModuleName),
+    /// Loaded without an error.
+    Ready,
+    /// A sign of life, without further content.
+    Alive,
+    /// Requests one frame newer than the last, as soon as there is one.
+    WantFrame {
+        /// The last frame was damaged: the one before it is also acceptable.
+        damaged: bool,
+    },
+    /// The objects that the script found in a frame, for viewers.
+    Found {
+        frame: u64,
+        list: Vec<Detection>,
+    },
+    Ended(ScriptExit),
 }
 
 /// The result of a line that a person typed.
@@ -95,7 +112,7 @@ impl LogLine {
 
 #[derive(Debug)]
 pub(super) struct OutputQueue {
-    waiting: Vec<Output>,
+    waiting: Vec<FromHost>,
     intents: usize,
     speech: usize,
     window: Instant,
@@ -126,18 +143,18 @@ impl OutputQueue {
         if let Intent::Say(samples) = &intent {
             self.speech += samples.len();
         }
-        self.waiting.push(Output::Intent(intent));
+        self.waiting.push(FromHost::Intent(intent));
     }
 
     /// Queues a stop, even if the queue is full; a second stop directly after another is dropped.
     pub(super) fn send_stop(&mut self) {
-        if self.waiting.last() != Some(&Output::Intent(Intent::Stop)) {
+        if self.waiting.last() != Some(&FromHost::Intent(Intent::Stop)) {
             self.send(Intent::Stop);
         }
     }
 
     /// Queues output whose number the caller bounds.
-    pub(super) fn push(&mut self, output: Output) {
+    pub(super) fn push(&mut self, output: FromHost) {
         self.waiting.push(output);
     }
 
@@ -146,7 +163,7 @@ impl OutputQueue {
         self.roll_window(now);
         if self.lines < MAX_LINES {
             self.lines += 1;
-            self.waiting.push(Output::Log(line));
+            self.waiting.push(FromHost::Log(line));
         } else {
             self.dropped += 1;
         }
@@ -154,8 +171,8 @@ impl OutputQueue {
 
     pub(super) fn params(&mut self, params: Vec<DeclaredParam>) {
         self.waiting
-            .retain(|output| !matches!(output, Output::Params(_)));
-        self.waiting.push(Output::Params(params));
+            .retain(|output| !matches!(output, FromHost::Params(_)));
+        self.waiting.push(FromHost::Params(params));
     }
 
     /// Starts a new period once the last one is over, and reports how many lines were dropped in
@@ -177,7 +194,7 @@ impl OutputQueue {
         if self.dropped > 0 {
             let text = format!("... and {} more lines", self.dropped);
             let line = LogLine::new(Level::Warn, &text);
-            self.waiting.push(Output::Log(line));
+            self.waiting.push(FromHost::Log(line));
             self.dropped = 0;
         }
     }
@@ -194,13 +211,15 @@ impl OutputQueue {
             index += 1;
             let happened = matches!(
                 output,
-                Output::Log(_) | Output::Params(_) | Output::HostReport(HostReport::Picture { .. })
+                FromHost::Log(_)
+                    | FromHost::Params(_)
+                    | FromHost::HostReport(HostReport::Picture { .. })
             );
             index <= kept || happened
         });
     }
 
-    pub(super) fn take(&mut self) -> Vec<Output> {
+    pub(super) fn take(&mut self) -> Vec<FromHost> {
         self.intents = 0;
         self.speech = 0;
         std::mem::take(&mut self.waiting)

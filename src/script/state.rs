@@ -21,7 +21,7 @@ use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, Mo
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::{Options, ScenarioApi};
-use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue};
+use super::output::{DailyLimits, Evaluated, FromHost, Level, LogLine, OutputQueue};
 use super::picture_store::PictureStore;
 use super::store::Store;
 use super::streams::{Demand, Loudness, WantedStreams};
@@ -603,7 +603,7 @@ impl State {
             }
             (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
-                self.output.push(Output::Evaluated(answer));
+                self.output.push(FromHost::Evaluated(answer));
             }
             (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
                 self.log_failure(&text)

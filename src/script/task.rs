@@ -90,8 +90,8 @@ pub(super) enum Wait {
 }
 
 pub(super) enum Wakeup {
+    /// The arguments of the task's function.
     Start(LuaMultiValue),
-    Deliver(Payload),
     Slept(Duration),
     Beat(u64),
     Event(Payload),

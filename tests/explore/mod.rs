@@ -127,16 +127,13 @@ impl Node {
     /// Takes a step and looks at what the watchdog does: the promise it breaks, if it does.
     fn take(&mut self, step: Step, limits: &Limits) -> Option<String> {
         self.way.push(step);
-        let facts = match step {
-            Step::Wait => {
-                let due = self.dog.next_deadline().unwrap_or(self.now);
-                self.now = due.max(self.now + Duration::from_millis(20));
-                let acts = self.dog.poll(self.now);
-                return self.judge(&acts, limits);
-            }
-            step => fact(step),
-        };
-        let acts = self.dog.handle(facts, self.now);
+        if step == Step::Wait {
+            let due = self.dog.next_deadline().unwrap_or(self.now);
+            self.now = due.max(self.now + Duration::from_millis(20));
+        } else {
+            apply(step, &mut self.dog, self.now);
+        }
+        let acts = self.dog.poll(self.now);
         self.judge(&acts, limits)
     }
 
@@ -244,20 +241,15 @@ fn liveness(limits: &Limits) -> Duration {
     search + pause + Duration::from_secs(60)
 }
 
-fn fact(step: Step) -> Fact {
+fn apply(step: Step, dog: &mut Watchdog, now: Instant) {
     let power = |percent, charging| Power { percent, charging };
-    let ask = |by, intent| Fact::Asked {
-        by,
-        priority: Priority(0),
-        intent,
-    };
     let plan = DockPlan {
         timeout: Duration::from_secs(60),
         retries: 1,
         charge_timeout: Duration::from_secs(10),
     };
-    match step {
-        Step::Wait => Fact::BytesReceived,
+    let fact = match step {
+        Step::Wait => return,
         Step::Power(percent, charging) => Fact::Power(power(percent, charging)),
         Step::Engine(news) => Fact::Engine(news),
         Step::Up { docked, percent } => Fact::LinkUp {
@@ -266,31 +258,29 @@ fn fact(step: Step) -> Fact {
         },
         Step::Down => Fact::LinkDown,
         Step::Slept => Fact::Suspended,
-        Step::Move(by) => ask(
-            by,
-            Intent::Move {
+        Step::Gone(by) => Fact::Gone(by),
+        Step::Rescuer => Fact::Rescuer(Some(RESCUER)),
+        Step::Move(by) => {
+            let intent = Intent::Move {
                 motion: MotionId(1),
                 setpoint: Setpoint::from_percent(80.0, 80.0).unwrap(),
                 duration: None,
-            },
-        ),
-        Step::Stop(by) => ask(by, Intent::Stop),
-        Step::Dock => ask(
-            SCRIPT,
-            Intent::Dock {
-                call: CallId(1),
-                plan,
-            },
-        ),
-        Step::CancelDock => ask(SCRIPT, Intent::CancelDock),
-        Step::Undock => ask(
-            SCRIPT,
-            Intent::Undock {
+            };
+            return dog.request(by, Priority(0), intent, now);
+        }
+        Step::Stop(by) => return dog.request(by, Priority(0), Intent::Stop, now),
+        Step::Dock => {
+            let call = CallId(1);
+            return dog.request(SCRIPT, Priority(0), Intent::Dock { call, plan }, now);
+        }
+        Step::CancelDock => return dog.request(SCRIPT, Priority(0), Intent::CancelDock, now),
+        Step::Undock => {
+            let intent = Intent::Undock {
                 call: CallId(2),
                 timeout: Duration::from_secs(20),
-            },
-        ),
-        Step::Gone(by) => Fact::Gone(by),
-        Step::Rescuer => Fact::Rescuer(Some(RESCUER)),
-    }
+            };
+            return dog.request(SCRIPT, Priority(0), intent, now);
+        }
+    };
+    dog.apply(fact, now);
 }

@@ -4,10 +4,9 @@
 use std::path::Path;
 use std::time::Duration;
 
-use spykee::behaviour::FromHost;
 use spykee::robot::{Intent, MotionId, Setpoint};
 use spykee::safety::{Act, Fact, Limits, Watchdog};
-use spykee::script::Output;
+use spykee::script::FromHost;
 use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
@@ -64,7 +63,7 @@ fn leg_of_a_low_robot() -> Vec<(FromHost, StepEvent)> {
         setpoint: Setpoint::from_percent(100.0, 100.0).unwrap(),
         duration: Some(Duration::from_secs(60)),
     };
-    let drives = FromHost::Output(Output::Intent(intent));
+    let drives = FromHost::Intent(intent);
     let alive = std::iter::repeat_with(|| FromHost::Alive);
     std::iter::once(drives).chain(alive).zip(happens).collect()
 }

@@ -20,6 +20,28 @@ const SECOND: Duration = Duration::from_secs(1);
 const MS: Duration = Duration::from_millis(1);
 const WHO: BehaviourId = BehaviourId(0);
 
+/// What happens to a watchdog.
+#[derive(Debug, Clone)]
+enum Input {
+    Fact(Fact),
+    Request(BehaviourId, Priority, Intent),
+}
+
+impl From<Fact> for Input {
+    fn from(fact: Fact) -> Input {
+        Input::Fact(fact)
+    }
+}
+
+impl Input {
+    fn apply(self, dog: &mut Watchdog, now: Instant) {
+        match self {
+            Input::Fact(fact) => dog.apply(fact, now),
+            Input::Request(by, priority, intent) => dog.request(by, priority, intent, now),
+        }
+    }
+}
+
 /// A watchdog and a clock that only moves when told.
 struct Rig {
     dog: Watchdog,
@@ -43,8 +65,9 @@ impl Rig {
         }
     }
 
-    fn handle(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.handle(fact, self.now)
+    fn handle(&mut self, input: impl Into<Input>) -> Vec<Act> {
+        input.into().apply(&mut self.dog, self.now);
+        self.dog.poll(self.now)
     }
 
     /// A report, one second later.
@@ -66,12 +89,7 @@ impl Rig {
     }
 
     fn ask_as(&mut self, by: BehaviourId, priority: i16, intent: Intent) -> Vec<Act> {
-        let priority = Priority(priority);
-        self.handle(Fact::Asked {
-            by,
-            priority,
-            intent,
-        })
+        self.handle(Input::Request(by, Priority(priority), intent))
     }
 
     fn dock(&mut self, call: u64) -> Vec<Act> {

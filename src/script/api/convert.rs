@@ -105,7 +105,7 @@ fn is_position(key: &LuaValue, length: usize) -> bool {
 }
 
 /// The argument of handlers: an empty table if the event has no payload.
-pub(super) fn payload_to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
+pub(in super::super) fn payload_to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
     let event = match payload {
         Payload::Frame(held) => return frame::to_lua(lua, held),
         Payload::Noise { dbfs, own } => {
@@ -164,7 +164,6 @@ pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaRe
 pub(in super::super) fn resume_values(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
     match answer {
         Wakeup::Start(values) => Ok(values),
-        Wakeup::Deliver(payload) => payload_to_lua(&payload, lua)?.into_lua_multi(lua),
         // The text has its place already.
         Wakeup::Failed(text) => (false, text, true).into_lua_multi(lua),
         Wakeup::Cancelled => (false, CANCELLED).into_lua_multi(lua),
@@ -202,8 +201,6 @@ fn returned(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
         Wakeup::Joined(status, None) => (status == Status::Done, status.name()).into_lua_multi(lua),
         Wakeup::Again => "again".into_lua_multi(lua),
         Wakeup::Values(values) => Ok(values),
-        Wakeup::Start(_) | Wakeup::Deliver(_) | Wakeup::Failed(_) | Wakeup::Cancelled => {
-            Ok(LuaMultiValue::new())
-        }
+        Wakeup::Start(_) | Wakeup::Failed(_) | Wakeup::Cancelled => Ok(LuaMultiValue::new()),
     }
 }

@@ -11,7 +11,7 @@ use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
 use super::super::frame_state::{HeldFrame, LabelledBlob};
-use super::super::output::{Level, Output};
+use super::super::output::{FromHost, Level};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
 use super::{Builder, Call, NativeResult, Natives, of_row, robot};
@@ -134,7 +134,7 @@ fn save(call: &mut Call<'_>) -> NativeResult {
             }
             call.state
                 .output
-                .push(Output::HostReport(HostReport::Picture { name }));
+                .push(FromHost::HostReport(HostReport::Picture { name }));
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {

@@ -34,7 +34,7 @@ use crate::wire::Stream;
 use builder::{Builder, of_row};
 
 pub(super) use builder::every_path;
-pub(super) use convert::resume_values;
+pub(super) use convert::{payload_to_lua, resume_values};
 pub(super) use modules::compile as compile_module;
 pub(super) use params::set_live as set_live_param;
 

@@ -8,7 +8,7 @@ use super::super::arguments::{Refusal, describe_key};
 use super::super::events::EventName;
 use super::super::failure::{VmError, printable};
 use super::super::modules::{Progress, Target, resolve};
-use super::super::output::Output;
+use super::super::output::FromHost;
 use super::super::sandbox;
 use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
@@ -161,7 +161,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             call.may_wait()?;
             let added = call.state.modules.add(name.as_str(), Progress::Requested);
             if added.is_ok() {
-                call.state.output.push(Output::Module(name));
+                call.state.output.push(FromHost::Module(name));
             }
             added
         }

@@ -36,16 +36,16 @@ const DECELERATION: f64 = 1.5;
 
 /// Speeds of the tracks, in metres per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Tracks {
+struct TrackSpeeds {
     left: f64,
     right: f64,
 }
 
-impl Tracks {
+impl TrackSpeeds {
     /// Differential drive: a left turn is positive and makes the right track the faster one.
-    fn from_speeds(linear: f64, angular: f64, calibration: Calibration) -> Tracks {
+    fn from_speeds(linear: f64, angular: f64, calibration: Calibration) -> TrackSpeeds {
         let swing = angular * calibration.track_width / 2.0;
-        Tracks {
+        TrackSpeeds {
             left: linear - swing,
             right: linear + swing,
         }
@@ -79,7 +79,8 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     let angular = call.args.get(1)?;
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
-    let (setpoint, _) = Tracks::from_speeds(linear, angular, calibration).setpoint(calibration);
+    let (setpoint, _) =
+        TrackSpeeds::from_speeds(linear, angular, calibration).setpoint(calibration);
     start_motion(call, setpoint, time, Duration::ZERO)
 }
 
@@ -92,7 +93,7 @@ fn forward(call: &mut Call<'_>) -> NativeResult {
     travel(
         call,
         metres,
-        Tracks::from_speeds(speed, 0.0, calibration),
+        TrackSpeeds::from_speeds(speed, 0.0, calibration),
         speed,
     )
 }
@@ -106,13 +107,13 @@ fn turn(call: &mut Call<'_>) -> NativeResult {
     travel(
         call,
         angle,
-        Tracks::from_speeds(0.0, speed, calibration),
+        TrackSpeeds::from_speeds(0.0, speed, calibration),
         speed,
     )
 }
 
 /// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
-fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> NativeResult {
+fn travel(call: &mut Call<'_>, way: f64, tracks: TrackSpeeds, speed: f64) -> NativeResult {
     let calibration = call.state.options.calibration;
     let (setpoint, slowed) = tracks.setpoint(calibration);
     let seconds = way / (speed * slowed);
@@ -242,7 +243,8 @@ mod tests {
     };
 
     fn percent(linear: f64, angular: f64) -> (i8, i8) {
-        let (setpoint, _) = Tracks::from_speeds(linear, angular, CALIBRATION).setpoint(CALIBRATION);
+        let (setpoint, _) =
+            TrackSpeeds::from_speeds(linear, angular, CALIBRATION).setpoint(CALIBRATION);
         let setpoint = setpoint.unwrap();
         (setpoint.left.get(), setpoint.right.get())
     }

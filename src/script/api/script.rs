@@ -9,7 +9,7 @@ use mlua::prelude::{LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::Refusal;
 use super::super::failure::printable;
-use super::super::output::{Level, LogLine, MAX_ENTRY, MAX_KIND, Output};
+use super::super::output::{FromHost, Level, LogLine, MAX_ENTRY, MAX_KIND};
 use super::super::store::QUOTA;
 use super::super::{budget, picture_store, plain};
 use super::{Builder, Call, NativeResult, Natives, convert, location, of_row};
@@ -220,7 +220,7 @@ fn journal_add(call: &mut Call<'_>) -> NativeResult {
         .take_entry(kind.len() + json.len(), now);
     if kept {
         let report = HostReport::Entry { kind, json };
-        call.state.output.push(Output::HostReport(report));
+        call.state.output.push(FromHost::HostReport(report));
     }
     call.reply(kept)
 }
@@ -239,7 +239,7 @@ fn notify_send(call: &mut Call<'_>) -> NativeResult {
     let sent = call.state.daily_limits.take_notice(now);
     if sent {
         let report = HostReport::Notify { text, picture };
-        call.state.output.push(Output::HostReport(report));
+        call.state.output.push(FromHost::HostReport(report));
     }
     call.reply(sent)
 }

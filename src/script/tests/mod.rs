@@ -21,8 +21,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{
-    Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, NoModule, Options, Output, Script,
-    ScriptExit,
+    Evaluated, Explain, FromHost, Level, LogLine, ModuleFile, ModuleName, NoModule, Options,
+    Script, ScriptExit,
 };
 use crate::robot::{DeclaredParam, EndReason, Event, HostReport, Intent, MotionEnd, RobotInfo};
 
@@ -87,12 +87,13 @@ impl Rig {
     fn collect(&mut self) {
         for output in self.script.take_output() {
             match output {
-                Output::Intent(intent) => self.intents.push(intent),
-                Output::Log(line) => self.log.push(line),
-                Output::Module(name) => self.modules.push(name),
-                Output::Evaluated(answer) => self.answers.push(answer),
-                Output::HostReport(report) => self.reports.push(report),
-                Output::Params(params) => self.params = params,
+                FromHost::Intent(intent) => self.intents.push(intent),
+                FromHost::Log(line) => self.log.push(line),
+                FromHost::Module(name) => self.modules.push(name),
+                FromHost::Evaluated(answer) => self.answers.push(answer),
+                FromHost::HostReport(report) => self.reports.push(report),
+                FromHost::Params(params) => self.params = params,
+                other => panic!("not a script's: {other:?}"),
             }
         }
     }

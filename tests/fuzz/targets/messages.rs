@@ -5,10 +5,10 @@
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
-use spykee::behaviour::{FromHost, ToHost};
+use spykee::behaviour::ToHost;
 use spykee::robot::{BehaviourId, Intent, Priority};
 use spykee::safety::{Act, Fact, Limits, Watchdog};
-use spykee::script::Output;
+use spykee::script::FromHost;
 use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
@@ -24,7 +24,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut rig = Rig::new();
     let mut rest = bytes;
     while let Ok((message, tail)) = postcard::take_from_bytes::<FromHost>(rest) {
-        if let FromHost::Output(Output::Intent(intent)) = message {
+        if let FromHost::Intent(intent) = message {
             rig.ask(intent);
         }
         // A host's messages have length prefixes; here a byte between two messages selects another
@@ -57,11 +57,9 @@ impl Rig {
 
     fn ask(&mut self, intent: Intent) {
         let low = self.dog.low().is_some();
-        let acts = self.handle(Fact::Asked {
-            by: WHO,
-            priority: Priority(0),
-            intent,
-        });
+        self.dog.request(WHO, Priority(0), intent, self.now);
+        let acts = self.dog.poll(self.now);
+        self.check(&acts);
         let moves = |command: Command| matches!(command, Command::Move { left, right } if (left, right) != (0, 0));
         assert!(!low || !acts.iter().filter_map(Act::command).any(moves), "a script moves a low robot");
     }

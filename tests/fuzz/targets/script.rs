@@ -9,7 +9,7 @@ use bytes::Bytes;
 use libfuzzer_sys::fuzz_target;
 use spykee::robot::{Battery, EndReason, Event, Frame, MotionEnd, Percent};
 use spykee::robot::{DockEnd, DockOutcome, Intent, RobotInfo};
-use spykee::script::{Options, Output, Script};
+use spykee::script::{FromHost, Options, Script};
 use tokio::time::Instant;
 
 const JPEG: &[u8] = include_bytes!("../../fixtures/ball-grey.jpg");
@@ -95,7 +95,7 @@ fn take_output(script: &mut Script) -> Vec<Event> {
     let output = script.take_output();
     assert!(output.len() <= MAX_OUTPUT, "{} outputs", output.len());
     let answers = output.into_iter().filter_map(|output| match output {
-        Output::Intent(intent) => answer(&intent),
+        FromHost::Intent(intent) => answer(&intent),
         _ => None,
     });
     answers.collect()

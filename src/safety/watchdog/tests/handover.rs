@@ -8,19 +8,15 @@ use crate::robot::{EndReason, MotionId, Priority};
 const PATROL: BehaviourId = BehaviourId(0);
 const AVOID: BehaviourId = BehaviourId(1);
 
-fn asked(by: BehaviourId, intent: Intent) -> Fact {
+fn asked(by: BehaviourId, intent: Intent) -> Input {
     let priority = match by {
         AVOID => Priority(10),
         BehaviourId(other) => Priority(i16::from(other > 2)),
     };
-    Fact::Asked {
-        by,
-        priority,
-        intent,
-    }
+    Input::Request(by, priority, intent)
 }
 
-fn claim(by: BehaviourId, motion: u64, percent: f64, duration: Option<Duration>) -> Fact {
+fn claim(by: BehaviourId, motion: u64, percent: f64, duration: Option<Duration>) -> Input {
     let setpoint = Setpoint::from_percent(percent, percent).unwrap();
     let intent = Intent::Move {
         motion: MotionId(motion),
@@ -30,7 +26,7 @@ fn claim(by: BehaviourId, motion: u64, percent: f64, duration: Option<Duration>)
     asked(by, intent)
 }
 
-fn release(by: BehaviourId, motion: u64) -> Fact {
+fn release(by: BehaviourId, motion: u64) -> Input {
     let motion = MotionId(motion);
     asked(by, Intent::Release { motion })
 }
@@ -78,7 +74,7 @@ fn releasing_and_retaking_the_tracks_at_once_never_lets_the_lower_drive() {
     let (mut rig, acts) = taken_over(-50.0);
     assert_eq!(moves(&acts), [36, -45]);
     rig.now += 100 * MS;
-    rig.dog.apply(release(AVOID, 2), rig.now);
+    release(AVOID, 2).apply(&mut rig.dog, rig.now);
     let acts = rig.handle(claim(AVOID, 3, -20.0, None));
     assert_eq!(moves(&acts), [-18]);
     assert!(moves(&pass(&mut rig, 150 * MS, &[PATROL, AVOID])).is_empty());

@@ -35,14 +35,10 @@ enum Stop {
 }
 
 impl Stop {
-    fn fact(self) -> Fact {
+    fn input(self) -> Input {
         match self {
-            Stop::RunEnding => Fact::RunEnding,
-            Stop::Asked => Fact::Asked {
-                by: BehaviourId(9),
-                priority: Priority(i16::MAX),
-                intent: Intent::Stop,
-            },
+            Stop::RunEnding => Fact::RunEnding.into(),
+            Stop::Asked => Input::Request(BehaviourId(9), Priority(i16::MAX), Intent::Stop),
         }
     }
 }
@@ -124,7 +120,7 @@ proptest! {
         // A docking without a caller is the watchdog's own, and goes on.
         let asked_home = play.dog.docking.as_ref()
             .is_some_and(|active| !active.forced && !active.callers.is_empty());
-        play.handle(&stop.fact(), &mut |moment| {
+        play.handle(&stop.input(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });
             let last = sent(&moment.acts).into_iter().rfind(drives);
@@ -207,8 +203,17 @@ fn any_intent() -> impl Strategy<Value = Intent> {
     ]
 }
 
+fn who() -> impl Strategy<Value = BehaviourId> {
+    (0..3u16).prop_map(BehaviourId)
+}
+
+fn any_input() -> impl Strategy<Value = Input> {
+    let request = (who(), any_intent())
+        .prop_map(|(by, intent)| Input::Request(by, Priority(by.0 as i16 / 2), intent));
+    prop_oneof![53 => any_fact().prop_map(Input::Fact), 30 => request]
+}
+
 fn any_fact() -> impl Strategy<Value = Fact> {
-    let who = || (0..3u16).prop_map(BehaviourId);
     let login = (prop::bool::weighted(0.2), any_power());
     prop_oneof![
         3 => login.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
@@ -219,11 +224,6 @@ fn any_fact() -> impl Strategy<Value = Fact> {
         12 => any_news().prop_map(Fact::Engine),
         8 => who().prop_map(Fact::Alive),
         2 => who().prop_map(Fact::Gone),
-        30 => (who(), any_intent()).prop_map(|(by, intent)| Fact::Asked {
-            by,
-            priority: Priority(by.0 as i16 / 2),
-            intent,
-        }),
         1 => Just(Fact::RunEnding),
         2 => Just(Fact::Suspended),
         2 => (0..3000u64, any::<bool>()).prop_map(|(gap, guardian_wrote)| Fact::Stalled {
@@ -239,7 +239,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
 fn any_step() -> impl Strategy<Value = Step> {
     let jump = prop_oneof![3 => 0..400u64, 1 => 0..700_000u64].prop_map(Duration::from_millis);
     prop_oneof![
-        30 => any_fact().prop_map(Step::Fact),
+        30 => any_input().prop_map(Step::Input),
         12 => (0..300u64).prop_map(|ms| Step::Pass(Duration::from_millis(ms))),
         4 => (0..40u32).prop_map(|seconds| Step::Pass(seconds * SECOND)),
         2 => (0..700u32).prop_map(|seconds| Step::Pass(seconds * SECOND)),
@@ -315,14 +315,14 @@ fn lost() -> impl Strategy<Value = Vec<Step>> {
             percent,
             charging: false,
         };
-        let not_found = Step::Fact(Fact::Engine(EngineReport::BaseNotFound));
-        let login = Step::Fact(Fact::LinkUp {
+        let not_found = Step::from(Fact::Engine(EngineReport::BaseNotFound));
+        let login = Step::from(Fact::LinkUp {
             docked: false,
             power,
         });
         let tries = [20, 20, 20, 0].map(|pause| [not_found.clone(), Step::Pass(pause * SECOND)]);
         let wait = |ms| Step::Pass(Duration::from_millis(ms));
-        let stop = stop.map(|ms| [wait(ms), Step::Fact(Stop::Asked.fact())]);
+        let stop = stop.map(|ms| [wait(ms), Step::Input(Stop::Asked.input())]);
         let all = std::iter::once(login).chain(tries.into_iter().flatten());
         all.chain(stop.into_iter().flatten()).collect()
     })
@@ -331,7 +331,7 @@ fn lost() -> impl Strategy<Value = Vec<Step>> {
 /// Nearly always begins with a login: without one nothing can go wrong.
 fn any_history() -> impl Strategy<Value = Vec<Step>> {
     let login = any_power().prop_map(|power| {
-        Step::Fact(Fact::LinkUp {
+        Step::from(Fact::LinkUp {
             docked: false,
             power,
         })
@@ -345,13 +345,19 @@ fn any_history() -> impl Strategy<Value = Vec<Step>> {
 /// One step of a random history.
 #[derive(Debug, Clone)]
 enum Step {
-    Fact(Fact),
+    Input(Input),
     /// Time passes, and the watchdog is ticked at each of its deadlines.
     Pass(Duration),
     /// The whole machine sleeps: the watchdog is ticked once, at the end.
     Jump(Duration),
     /// The watchdog is ticked though no time has passed.
     Still,
+}
+
+impl From<Fact> for Step {
+    fn from(fact: Fact) -> Step {
+        Step::Input(fact.into())
+    }
 }
 
 /// A watchdog, what is known of its robot, and a clock.
@@ -368,7 +374,7 @@ struct Play {
 struct Moment<'a> {
     play: &'a Play,
     /// `None` if time has passed instead.
-    fact: Option<&'a Fact>,
+    input: Option<&'a Input>,
     acts: Vec<Act>,
 }
 
@@ -415,7 +421,7 @@ impl Play {
 
     fn steps(&mut self, steps: &[Step], see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
         steps.iter().try_for_each(|step| match step {
-            Step::Fact(fact) => self.handle(fact, see),
+            Step::Input(input) => self.handle(input, see),
             Step::Still => self.poll(see),
             Step::Jump(span) => {
                 self.now += *span;
@@ -426,15 +432,16 @@ impl Play {
         })
     }
 
-    fn handle(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
-        self.known.record(fact, &self.limits, self.now);
-        let acts = self.dog.handle(fact.clone(), self.now);
-        self.show(Some(fact), acts, see)
+    fn handle(&mut self, input: &Input, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        self.known.record(input, &self.limits, self.now);
+        input.clone().apply(&mut self.dog, self.now);
+        let acts = self.dog.poll(self.now);
+        self.show(Some(input), acts, see)
     }
 
     fn show(
         &mut self,
-        fact: Option<&Fact>,
+        input: Option<&Input>,
         acts: Vec<Act>,
         see: &mut impl FnMut(Moment<'_>) -> Kept,
     ) -> Kept {
@@ -442,7 +449,7 @@ impl Play {
         self.known.note_acts(&acts);
         self.known.agree(&self.dog, &self.limits)?;
         let play = self;
-        see(Moment { play, fact, acts })
+        see(Moment { play, input, acts })
     }
 
     fn poll(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {

@@ -301,22 +301,21 @@ fn during_a_grant_motion_and_stops_of_others_are_refused() {
 
 #[test]
 fn every_end_of_a_grant_is_followed_by_a_stop_and_a_search() {
-    let stop = |by| Fact::Asked {
-        by,
-        priority: Priority(0),
-        intent: Intent::Stop,
-    };
+    let stop = Input::Request(RESCUER, Priority(0), Intent::Stop);
     let found = || vec![Command::STOP, FIND];
     let ends = [
-        (stop(RESCUER), found()),
-        (Fact::Gone(RESCUER), found()),
-        (Fact::Rescuer(None), found()),
-        (Fact::Rescuer(Some(WHO)), found()),
-        (Fact::RunEnding, found()),
-        (Fact::Suspended, found()),
-        (Fact::LinkDown, vec![]),
-        (Fact::Engine(EngineReport::Docked), vec![Command::STOP]),
-        (Fact::Power(charging(20)), vec![Command::STOP]),
+        (stop, found()),
+        (Fact::Gone(RESCUER).into(), found()),
+        (Fact::Rescuer(None).into(), found()),
+        (Fact::Rescuer(Some(WHO)).into(), found()),
+        (Fact::RunEnding.into(), found()),
+        (Fact::Suspended.into(), found()),
+        (Fact::LinkDown.into(), vec![]),
+        (
+            Fact::Engine(EngineReport::Docked).into(),
+            vec![Command::STOP],
+        ),
+        (Fact::Power(charging(20)).into(), vec![Command::STOP]),
     ];
     for (end, expected) in ends {
         let (mut rig, _) = granted(Limits::default());

@@ -63,8 +63,21 @@ impl Known {
         self.low && self.contact.is_some_and(due)
     }
 
-    pub(super) fn record(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+    pub(super) fn record(&mut self, input: &Input, limits: &Limits, now: Instant) {
         self.idle |= self.is_idle(limits, now);
+        if let Input::Fact(fact) = input {
+            self.record_fact(fact, limits, now);
+        }
+        let place_reported = matches!(
+            input,
+            Input::Fact(Fact::Engine(EngineReport::Docked | EngineReport::Undocked))
+        );
+        self.idle &= self.on_station && !self.charges_here && !place_reported;
+        let contact = self.on_station && !self.charges_here;
+        self.contact = contact.then(|| self.contact.unwrap_or(now));
+    }
+
+    fn record_fact(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
@@ -95,13 +108,6 @@ impl Known {
             }
             _ => {}
         }
-        let place_reported = matches!(
-            fact,
-            Fact::Engine(EngineReport::Docked | EngineReport::Undocked)
-        );
-        self.idle &= self.on_station && !self.charges_here && !place_reported;
-        let contact = self.on_station && !self.charges_here;
-        self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
 
     /// Notes whether the watchdog tells the robot to leave its station.
@@ -185,12 +191,12 @@ impl Known {
     /// Whether the robot searches on its own after this moment.
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineReport::{BaseNotFound, Docked};
-        let over = match moment.fact {
-            Some(Fact::Power(_)) => {
+        let over = match moment.input {
+            Some(Input::Fact(Fact::Power(_))) => {
                 moment.play.dog.battery_monitor.charging() == Charging::Confirmed
             }
-            Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
-            Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
+            Some(Input::Fact(Fact::Engine(news))) => matches!(news, Docked | BaseNotFound),
+            Some(Input::Fact(Fact::LinkDown | Fact::LinkUp { .. })) => true,
             _ => false,
         };
         let ends = |command: &Command| match command {

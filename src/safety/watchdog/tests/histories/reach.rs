@@ -41,7 +41,7 @@ fn situations(moment: &Moment<'_>, note: &mut impl FnMut(&str, bool)) {
     );
     note(
         "low when unconfirmed charging expires",
-        moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
+        moment.input.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
     );
     note("several wish to drive", dog.arbiter.claimants().count() > 1);
     note("backs off", docking.is_some() && dog.moving());
@@ -64,25 +64,12 @@ fn situations(moment: &Moment<'_>, note: &mut impl FnMut(&str, bool)) {
     );
     note(
         "asked to stop in a blind move",
-        alarm
-            && dog.moving()
-            && matches!(
-                moment.fact,
-                Some(Fact::Asked {
-                    intent: Intent::Stop,
-                    ..
-                })
-            ),
+        alarm && dog.moving() && matches!(moment.input, Some(Input::Request(_, _, Intent::Stop))),
     );
     note(
         "asked to stop while it moves",
-        matches!(
-            moment.fact,
-            Some(Fact::Asked {
-                intent: Intent::Stop,
-                ..
-            })
-        ) && moment.sends(&Command::STOP),
+        matches!(moment.input, Some(Input::Request(_, _, Intent::Stop)))
+            && moment.sends(&Command::STOP),
     );
     note(
         "a behaviour waits for the watchdog's docking",
@@ -101,7 +88,10 @@ fn situations(moment: &Moment<'_>, note: &mut impl FnMut(&str, bool)) {
     note("backs out", dog.dock_tracker.is_leaving());
     note(
         "an unknown engine code",
-        matches!(moment.fact, Some(Fact::Engine(EngineReport::Unknown(_)))),
+        matches!(
+            moment.input,
+            Some(Input::Fact(Fact::Engine(EngineReport::Unknown(_))))
+        ),
     );
 }
 
