@@ -250,7 +250,7 @@ async fn a_config_that_a_service_refuses_does_not_pass_the_check() {
             "must be above zero",
         ),
         (
-            "mqtt: { host: 127.0.0.1, password_file: none.password }\n",
+            "mqtt: { host: 127.0.0.1, user: anna, password_file: none.password }\n",
             "none.password",
         ),
     ] {
