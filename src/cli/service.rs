@@ -89,22 +89,23 @@ impl UnitArgs {
             );
         }
         let password = self.password_file.clone().map(Credential::password);
-        let secrets = secrets(&self.config).into_iter();
-        let credentials: Vec<Credential> = password
-            .into_iter()
-            .chain(secrets.map(Credential::of_config))
-            .collect();
+        // A package makes its unit before there is a config.
+        let secrets = if self.config.exists() {
+            let config = Config::load(&self.config);
+            secrets(&config.map_err(|error| Failure::new(Exit::Check, error))?)
+        } else {
+            Vec::new()
+        };
+        let secrets = secrets.into_iter().map(Credential::of_config);
+        let credentials: Vec<Credential> = password.into_iter().chain(secrets).collect();
         let user = self.user.as_deref();
         Ok(unit(&program, &self.config, &credentials, user))
     }
 }
 
-/// The files with secrets that the config names, if it can be read. systemd passes them to the service,
-/// whose user could not read files of root.
-pub(super) fn secrets(file: &Path) -> Vec<PathBuf> {
-    let Ok(config) = Config::load(file) else {
-        return Vec::new();
-    };
+/// The files with secrets that the config names. systemd passes them to the service, whose user could
+/// not read files of root.
+pub(super) fn secrets(config: &Config) -> Vec<PathBuf> {
     let tokens = config.notify.targets.values().map(|one| &one.token_file);
     let passwords = [&config.password_file, &config.mqtt.password_file];
     passwords

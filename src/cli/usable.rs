@@ -13,7 +13,7 @@ use crate::http::{Access, AccessError};
 /// could drive through the page.
 pub(super) fn check_config(file: &Path, config: &Config, console: &Console) -> Result<(), Failure> {
     let checked = scripts_and_timetable(file, config, console)
-        .and_then(|()| secrets(file))
+        .and_then(|()| secrets(config))
         .and_then(|()| page(config));
     checked.map_err(|failure| Failure {
         exit: Exit::Check,
@@ -56,8 +56,8 @@ fn scripts_and_timetable(file: &Path, config: &Config, console: &Console) -> Res
 }
 
 /// Whether the files are there; only the service's user, or root, may be able to read them.
-fn secrets(file: &Path) -> Result<(), Failure> {
-    let secrets = service::secrets(file).into_iter();
+fn secrets(config: &Config) -> Result<(), Failure> {
+    let secrets = service::secrets(config).into_iter();
     let mut missing = secrets.filter(|path| path.try_exists().is_ok_and(|exists| !exists));
     match missing.next() {
         Some(path) => {

@@ -159,7 +159,7 @@ async fn every_secret_of_a_config_may_belong_to_root_because_systemd_passes_it()
         "notify: {{ targets: {{ phone: {{ url: 'http://{}/{{token}}', token_file: phone.topic }} }} }}\n",
         hook.address
     );
-    let broker = "mqtt: { host: 127.0.0.1, password_file: mqtt.password }\n";
+    let broker = "mqtt: { host: 127.0.0.1, user: anna, password_file: mqtt.password }\n";
     let path = rig.file("spykee.yaml", &format!("{phone}{broker}"));
     let path = path.to_str().unwrap();
     let print = [
