@@ -21,14 +21,14 @@ use crate::cli::interrupt::interruption;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::link::Executes;
 use crate::pilot::{Connector, Settings};
 use crate::robot::{Battery, Percent, Streams};
 use crate::vision::{Camera, Decoder, Glance, drove_forwards};
 use crate::wire::{Command, Engage, EngineReport, Report};
 
-const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
-/// How often a question is asked.
+/// How long it may take to answer all questions.
+const ANSWERS_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often POWER is asked.
 const REPEATS: usize = 3;
 const LEAVING_TIMEOUT: Duration = Duration::from_secs(15);
 /// How long the robot may take to stand after it has reported that it has left.
@@ -44,7 +44,7 @@ This finds out what is not known of your robot, in about ten minutes:
   4  it leaves its station, if it is on it
   5  it turns left and right on the spot, with rising power
   6  the same at half power, to see whether POWER falls meanwhile
-  7  it turns slowly for two seconds; in the second one the connection is cut
+  7  it turns slowly; after a second the connection is cut for two seconds
 
 Put it on its station, in a well-lit room. A metre before the station must be free floor: no stairs,
 no table, no cables; keep people and animals away. You are asked before each motion, and can skip
@@ -229,33 +229,17 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
 async fn ask_robot(walk: &mut Walk, session: &mut RobotSession) -> Result<(), Failure> {
     print("\n1  It is asked some questions; nothing moves.\n")?;
     const SPEED: &str = "executes commands";
-    match execution(session).await? {
-        Executes::Every(time) => match per_second(time) {
-            None => walk.measured(SPEED, "at once")?,
-            Some(rate) => {
-                let found = format!("about {} a second", significant(rate));
-                walk.measured(SPEED, &found)?;
-            }
-        },
-        _ => walk.unknown(
+    match execution(session).await?.map(per_second) {
+        Some(None) => walk.measured(SPEED, "at once")?,
+        Some(Some(rate)) => {
+            walk.measured(SPEED, &format!("about {} a second", significant(rate)))?;
+        }
+        None => walk.unknown(
             SPEED,
             "it does not say what it has executed; it is sent five a second",
         )?,
     }
-    let mut answers = Vec::new();
-    for (name, question) in [
-        ("POWER", Command::PowerQuery),
-        ("CONFIG", Command::ConfigQuery),
-        ("LOG", Command::LogQuery),
-    ] {
-        if is_answered(session, question).await? {
-            answers.push(name);
-        }
-    }
-    let answers = match &answers[..] {
-        [] => "none".to_owned(),
-        names => names.join(", "),
-    };
+    let answers = questions_answered(session).await?;
     walk.measured("answers questions", &answers)?;
     let battery = Battery::reported(session.link.power);
     let found = match (battery.percent, battery.charging) {
@@ -279,21 +263,34 @@ fn significant(rate: f64) -> f64 {
     }
 }
 
-/// Asks several times: one POWER may come unasked.
-async fn is_answered(session: &mut RobotSession, question: Command) -> Result<bool, Failure> {
-    session.send(&vec![question.clone(); REPEATS]).await?;
-    let answer = |report| match report {
-        Report::Power(_) if question == Command::PowerQuery => Some(()),
-        Report::Config(_) if question == Command::ConfigQuery => Some(()),
-        Report::Log(_) if question == Command::LogQuery => Some(()),
-        _ => None,
-    };
-    for _ in 0..REPEATS {
-        if session.receive(REPLY_TIMEOUT, answer).await?.is_none() {
-            return Ok(false);
+/// The questions that it answers, in turn. One POWER may come unasked before the answer to CONFIG,
+/// but not several.
+async fn questions_answered(session: &mut RobotSession) -> Result<String, Failure> {
+    let mut questions = vec![Command::PowerQuery; REPEATS];
+    questions.extend([Command::LogQuery, Command::ConfigQuery]);
+    session.send(&questions).await?;
+    let (mut powers, mut logs) = (0, 0);
+    let answer = |report| {
+        match report {
+            Report::Power(_) => powers += 1,
+            Report::Log(_) => logs += 1,
+            Report::Config(_) => return Some(()),
+            _ => {}
         }
-    }
-    Ok(true)
+        None
+    };
+    let config = session.receive(ANSWERS_TIMEOUT, answer).await?.is_some();
+    let answered = [
+        ("POWER", powers >= REPEATS),
+        ("CONFIG", config),
+        ("LOG", logs > 0),
+        ("none", powers < REPEATS && !config && logs == 0),
+    ];
+    let answered = answered.into_iter().filter(|(_, answered)| *answered);
+    Ok(answered
+        .map(|(name, _)| name)
+        .collect::<Vec<_>>()
+        .join(", "))
 }
 
 /// Lets the robot leave its station, and finds out which way. It does that by itself, and ends it

@@ -113,7 +113,7 @@ async fn describe(simulation: &Simulation) -> Description {
         let sim = sim.clone();
         let seen = seen.clone();
         tokio::spawn(async move {
-            tokio::time::sleep(Duration::from_millis(950)).await;
+            tokio::time::sleep(Duration::from_millis(1900)).await;
             *seen.lock().unwrap() = sim.state().moving();
         });
     });
