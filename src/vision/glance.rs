@@ -143,12 +143,12 @@ impl Glance {
 }
 
 /// By how many tiles to the right everything has moved while these views were taken, as when the
-/// robot turns to the left; `None` if they do not tell.
+/// robot turns to the left; `None` if they do not tell, or there are not two.
 pub fn moved_right<'a>(views: impl IntoIterator<Item = &'a Glance>) -> Option<isize> {
     let mut views = views.into_iter();
     let mut reference = views.next()?;
     let mut before = 0;
-    let mut since = Some(0);
+    let mut since = None;
     for view in views {
         since = view.moved_since(reference);
         if let Some(tiles) = since.filter(|tiles| tiles.abs() > FAR) {

@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
-use tokio::time::{Instant, sleep};
+use tokio::time::Instant;
 
 use self::moving::LinkCut;
 use super::DoctorArgs;
@@ -327,15 +327,36 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
     }
 }
 
-/// What it sees while it leaves; `None` if it does not say that it has left.
+/// What it sees while it leaves, nothing if something moves already before; `None` if it does not
+/// say that it has left.
 async fn watch_leaving(
     camera: Camera,
     session: &mut RobotSession,
 ) -> Result<Option<Vec<Glance>>, Failure> {
     session.send(&[video(true)]).await?;
-    sleep(COMING_TO_REST / 2).await;
+    // The exposure takes a moment.
+    watch(camera, session, COMING_TO_REST / 2).await?;
+    let (before, _) = watch(camera, session, COMING_TO_REST).await?;
     session.send(&[Command::Engine(Engage::Undock)]).await?;
-    let mut until = Instant::now() + LEAVING_TIMEOUT;
+    let (mut views, has_left) = watch(camera, session, LEAVING_TIMEOUT).await?;
+    session.send(&[Command::STOP, video(false)]).await?;
+    let change = |views: &[Glance]| {
+        let changes = views.windows(2).map(|pair| pair[0].difference(&pair[1]));
+        changes.fold(0.0, f64::max)
+    };
+    if change(&before) > change(&views) / 2.0 {
+        views.clear();
+    }
+    Ok(has_left.then_some(views))
+}
+
+/// What it sees for this long, or until it stands after it has left its station; and whether it has.
+async fn watch(
+    camera: Camera,
+    session: &mut RobotSession,
+    time: Duration,
+) -> Result<(Vec<Glance>, bool), Failure> {
+    let mut until = Instant::now() + time;
     let mut decoder = Decoder::default();
     let mut views = Vec::new();
     let mut next_view = Instant::now();
@@ -360,8 +381,7 @@ async fn watch_leaving(
             _ => {}
         }
     }
-    session.send(&[Command::STOP, video(false)]).await?;
-    Ok(has_left.then_some(views))
+    Ok((views, has_left))
 }
 
 /// Writes the config, or prints its lines if there is one.

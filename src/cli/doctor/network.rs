@@ -233,9 +233,9 @@ async fn latency(session: &mut RobotSession) -> Result<CheckResult, Failure> {
     })
 }
 
-/// How long the robot's program takes for a command: the mean time between its answers to several
+/// How long the robot's program takes for a command: the median time between its answers to several
 /// questions that were sent at once; `None` if it does not answer. The question is CONFIG: unlike
-/// POWER it never comes unasked. An answer may consist of several messages.
+/// POWER it never comes unasked. An answer may consist of several messages, one right after another.
 pub(super) async fn execution(session: &mut RobotSession) -> Result<Option<Duration>, Failure> {
     session.send(&vec![Command::ConfigQuery; QUESTIONS]).await?;
     let answer = |report| matches!(report, Report::Config(_)).then(Instant::now);
@@ -243,12 +243,10 @@ pub(super) async fn execution(session: &mut RobotSession) -> Result<Option<Durat
     while let Some(time) = session.receive(REPLY_TIMEOUT, answer).await? {
         times.push(time);
     }
-    Ok(match times[..] {
-        [first, .., last] if times.len() >= QUESTIONS => {
-            Some((last - first) / (QUESTIONS - 1) as u32)
-        }
-        _ => None,
-    })
+    let mut gaps: Vec<Duration> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.sort();
+    let has_all = times.len() >= QUESTIONS;
+    Ok(has_all.then(|| gaps[gaps.len() - QUESTIONS / 2]))
 }
 
 /// The number of commands that a robot executes per second which takes so long for one; `None`: at

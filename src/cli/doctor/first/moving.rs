@@ -24,6 +24,7 @@ const POWER_STEP: usize = 3;
 const PULSE: Duration = Duration::from_millis(600);
 /// How long pictures may be late, and the exposure may take.
 const SETTLING: Duration = Duration::from_millis(700);
+const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
 /// How often a power is tried until two tries agree that it turns: somebody may walk by.
 const TRIES: usize = 5;
 /// What is seen stands if it moves by no more than this many tiles of a view.
@@ -107,12 +108,13 @@ impl Eyes {
         })
     }
 
-    /// Awaits a motion, and returns its result and what was seen meanwhile. The robot still stands
-    /// when the first picture is taken.
+    /// Awaits a motion, and returns its result and what was seen meanwhile, after a picture of the
+    /// robot that still stands.
     async fn watch<T>(&mut self, motion: impl Future<Output = T>) -> (T, Vec<View>) {
         self.frames.mark_unchanged();
+        let _ = timeout(FRAME_TIMEOUT, self.frames.changed()).await;
+        let mut views: Vec<View> = self.newest().into_iter().collect();
         let mut motion = pin!(motion);
-        let mut views = Vec::new();
         loop {
             tokio::select! {
                 biased;
