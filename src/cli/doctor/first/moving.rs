@@ -1,6 +1,7 @@
 //! What is found out by driving, through the pilot and its watchdog.
 
 use std::net::Shutdown;
+use std::ops::{Range, RangeInclusive};
 use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -19,7 +20,7 @@ use crate::safety::{Limits, PowerMeaning};
 use crate::vision::{Camera, Decoder, Glance, moved_right};
 
 /// Powers that are tried, percent.
-const POWERS: std::ops::RangeInclusive<u8> = 5..=47;
+const POWERS: RangeInclusive<u8> = 5..=47;
 const POWER_STEP: usize = 3;
 const PULSE: Duration = Duration::from_millis(600);
 /// How long pictures may be late, and the exposure may take.
@@ -49,9 +50,9 @@ const RECONNECTING: Duration = Duration::from_secs(60);
 /// The way back is so much longer, to see that it passes where it began: a stop may have waited in
 /// the robot's queue.
 const FARTHER: Duration = Duration::from_millis(1500);
-/// It drove on if it did so for more than this share of the time without a connection, and stopped
-/// if it did so for less than that one. It is stopped by the next login, a little later.
-const DROVE_ON: f64 = 0.85;
+/// It drove on if it did so for about this share of the time without a connection, and stopped if it
+/// did so for less than that one. It is stopped by the next login, a little later.
+const DROVE_ON: Range<f64> = 0.85..1.5;
 const STOPPED: f64 = 0.7;
 /// A view is recognised if it differs by less than this share of another one's difference: between
 /// two pictures the robot turns by some degrees.
@@ -172,7 +173,6 @@ async fn turns(driver: &mut Driver, eyes: &mut Eyes, power: f64) -> Result<Optio
     for _ in 0..TRIES {
         let left = pulse(driver, eyes, power).await?;
         let right = pulse(driver, eyes, -power).await?;
-        tracing::debug!(power, left, right, "turned");
         if stands(left) && stands(right) {
             return Ok(Some(false));
         }
@@ -268,7 +268,7 @@ async fn disconnect(
     if let Some(drove) = turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
         let seconds = drove.as_secs_f64();
         let share = seconds / CUT.as_secs_f64();
-        if share > DROVE_ON {
+        if DROVE_ON.contains(&share) {
             return walk.measured(WHAT, "it drives on");
         } else if share < STOPPED {
             let found = format!("it stops by itself, after about {seconds:.1} s");
@@ -322,11 +322,9 @@ fn unseen_turn(there: &[View], back: &[View]) -> Option<Duration> {
         .min_by(|one, other| differs(one).total_cmp(&differs(other)))?;
     let is_passed = likest.at < back.last()?.at;
     let is_recognised = differs(likest) < RECOGNISED * differs(back.first()?);
-    let seen = moved_until(there, there.last()?)?;
     let whole = moved_until(back, likest)?;
-    tracing::debug!(?seen, ?whole, is_passed, is_recognised, "turned back");
-    let tells = is_passed && is_recognised && seen > BEFORE_CUT / 3;
-    tells.then(|| whole.saturating_sub(seen))
+    let seen = moved_until(there, there.last()?)?;
+    (is_passed && is_recognised).then(|| whole.saturating_sub(seen))
 }
 
 /// How long it had moved when it took the last one of these views.
