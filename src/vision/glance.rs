@@ -229,7 +229,7 @@ mod tests {
 
     /// A wall with upright stripes of different widths, seen from `tiles` farther left.
     fn stripes(tiles: u32) -> Glance {
-        let pixels = RgbImage::from_fn(320, 240, |x, y| {
+        let pixels = RgbImage::from_fn(320, 240, |x, _| {
             let place = (x + 800 - 8 * tiles) / 16;
             Rgb([(place * place * place % 127) as u8; 3])
         });
