@@ -20,6 +20,13 @@ const FITS: f64 = 0.95;
 const FORWARDS_EXPLAINS: f64 = 0.93;
 const BACKWARDS_EXPLAINS: f64 = 0.85;
 
+/// The most tiles by which two views that are compared may have moved.
+const MOST_MOVED: isize = 20;
+/// A view that has moved by more tiles is what the next ones are compared with.
+const FAR: isize = 8;
+/// Views are alike if their edges differ by less than this share of all edges in them.
+const ALIKE: f64 = 0.7;
+
 /// The mean brightness of the tiles of a picture, relative to the whole.
 #[derive(Debug, Clone)]
 pub struct Glance {
@@ -68,7 +75,39 @@ impl Glance {
         f64::from(sum) / self.tiles.len() as f64
     }
 
-    /// The same for a later view if everything has grown by this factor around a place that is this
+    /// By how many tiles to the right everything has moved since an earlier view; `None` if it is
+    /// not seen again.
+    pub fn moved_since(&self, earlier: &Glance) -> Option<isize> {
+        (-MOST_MOVED..=MOST_MOVED)
+            .map(|right| (right, self.edges_differ(earlier, right)))
+            .min_by(|(_, one), (_, other)| one.total_cmp(other))
+            .filter(|(_, share)| *share < ALIKE)
+            .map(|(right, _)| right)
+    }
+
+    /// By which share the upright edges differ if everything has moved so far. Edges, because the
+    /// shade of the lens does not move.
+    fn edges_differ(&self, earlier: &Glance, right: isize) -> f64 {
+        let (mut differ, mut all) = (0.0, 0.0);
+        let rows = self
+            .tiles
+            .chunks(COLUMNS)
+            .zip(earlier.tiles.chunks(COLUMNS));
+        for (row, earlier) in rows {
+            let earlier = &earlier[(-right).max(0) as usize..];
+            let pairs = row[right.max(0) as usize..]
+                .windows(2)
+                .zip(earlier.windows(2));
+            for (one, other) in pairs {
+                let (one, other) = (one[1] - one[0], other[1] - other[0]);
+                differ += (one - other).abs();
+                all += one.abs() + other.abs();
+            }
+        }
+        f64::from(differ / all)
+    }
+
+    /// The difference of a later view if everything has grown by this factor around a place that is this
     /// many tiles lower than straight ahead.
     fn difference_if_grown(&self, later: &Glance, factor: f64, lower: f64) -> f64 {
         let [x0, y0] = [self.middle[0], self.middle[1] + lower];
@@ -101,6 +140,22 @@ impl Glance {
         };
         along(top) + (along(top + 1) - along(top)) * low_share
     }
+}
+
+/// By how many tiles to the right everything has moved while these views were taken, as when the
+/// robot turns to the left; `None` if they do not tell, or there are not two.
+pub fn moved_right<'a>(views: impl IntoIterator<Item = &'a Glance>) -> Option<isize> {
+    let mut views = views.into_iter();
+    let mut reference = views.next()?;
+    let mut before = 0;
+    let mut since = None;
+    for view in views {
+        since = view.moved_since(reference);
+        if let Some(tiles) = since.filter(|tiles| tiles.abs() > FAR) {
+            (reference, before, since) = (view, before + tiles, Some(0));
+        }
+    }
+    since.map(|tiles| before + tiles)
 }
 
 /// Whether the robot drove forwards (`true`) or backwards, away from something close, while these
@@ -170,6 +225,27 @@ mod tests {
             drove_forwards(&views.iter().collect::<Vec<_>>()),
             Some(false)
         );
+    }
+
+    /// A wall with upright stripes of different widths, seen from `tiles` farther left.
+    fn stripes(tiles: u32) -> Glance {
+        let pixels = RgbImage::from_fn(320, 240, |x, _| {
+            let place = (x + 800 - 8 * tiles) / 16;
+            Rgb([(place * place * place % 127) as u8; 3])
+        });
+        Glance::new(&Image::from_rgb(&pixels), Camera::pinhole(1.0)).unwrap()
+    }
+
+    #[test]
+    fn a_turn_by_more_than_a_view_is_followed() {
+        let moved = |views: &[u32]| {
+            let views: Vec<Glance> = views.iter().map(|tiles| stripes(*tiles)).collect();
+            moved_right(&views)
+        };
+        assert_eq!(moved(&[0, 3, 9, 21, 33, 45, 44]), Some(44));
+        assert_eq!(moved(&[45, 30, 15, 0]), Some(-45));
+        assert_eq!(moved(&[20, 20]), Some(0));
+        assert_eq!(moved(&[]), None);
     }
 
     #[test]

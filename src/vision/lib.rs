@@ -48,7 +48,7 @@ pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, NamedColour, Span};
 
 pub use frame_analyser::{FrameAnalyser, Line, find_line};
-pub use glance::{Glance, drove_forwards};
+pub use glance::{Glance, drove_forwards, moved_right};
 pub use jpeg::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};

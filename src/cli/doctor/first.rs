@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
-use tokio::time::{Instant, sleep};
+use tokio::time::Instant;
 
 use self::moving::LinkCut;
 use super::DoctorArgs;
@@ -22,14 +22,14 @@ use crate::cli::interrupt::unless_interrupted;
 use crate::cli::robot::{RobotSession, video};
 use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::link::Executes;
 use crate::pilot::{Connector, Settings};
 use crate::robot::{Battery, Percent, Streams};
 use crate::vision::{Camera, Decoder, Glance, drove_forwards};
 use crate::wire::{Command, Engage, EngineReport, Report};
 
-const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
-/// How often a question is asked.
+/// How long it may take to answer all questions.
+const ANSWERS_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often POWER is asked.
 const REPEATS: usize = 3;
 const LEAVING_TIMEOUT: Duration = Duration::from_secs(15);
 /// How long the robot may take to stand after it has reported that it has left.
@@ -45,7 +45,7 @@ This finds out what is not known of your robot, in about ten minutes:
   4  it leaves its station, if it is on it
   5  it turns left and right on the spot, with rising power
   6  the same at half power, to see whether POWER falls meanwhile
-  7  it turns slowly for two seconds; in the second one the connection is cut
+  7  it turns slowly; after a second the connection is cut for two seconds
 
 Put it on its station, in a well-lit room. A metre before the station must be free floor: no stairs,
 no table, no cables; keep people and animals away. You are asked before each motion, and can skip
@@ -220,33 +220,17 @@ async fn ask_person(walk: &mut Walk) -> Result<(), Failure> {
 async fn ask_robot(walk: &mut Walk, session: &mut RobotSession) -> Result<(), Failure> {
     print("\n1  It is asked some questions; nothing moves.\n")?;
     const SPEED: &str = "executes commands";
-    match execution(session).await? {
-        Executes::Every(time) => match per_second(time) {
-            None => walk.measured(SPEED, "at once")?,
-            Some(rate) => {
-                let found = format!("about {} a second", significant(rate));
-                walk.measured(SPEED, &found)?;
-            }
-        },
-        _ => walk.unknown(
+    match execution(session).await?.map(per_second) {
+        Some(None) => walk.measured(SPEED, "at once")?,
+        Some(Some(rate)) => {
+            walk.measured(SPEED, &format!("about {} a second", significant(rate)))?;
+        }
+        None => walk.unknown(
             SPEED,
             "it does not say what it has executed; it is sent five a second",
         )?,
     }
-    let mut answers = Vec::new();
-    for (name, question) in [
-        ("POWER", Command::PowerQuery),
-        ("CONFIG", Command::ConfigQuery),
-        ("LOG", Command::LogQuery),
-    ] {
-        if is_answered(session, question).await? {
-            answers.push(name);
-        }
-    }
-    let answers = match &answers[..] {
-        [] => "none".to_owned(),
-        names => names.join(", "),
-    };
+    let answers = questions_answered(session).await?;
     walk.measured("answers questions", &answers)?;
     let battery = Battery::reported(session.link.power);
     let found = match (battery.percent, battery.charging) {
@@ -270,21 +254,34 @@ fn significant(rate: f64) -> f64 {
     }
 }
 
-/// Asks several times: one POWER may come unasked.
-async fn is_answered(session: &mut RobotSession, question: Command) -> Result<bool, Failure> {
-    session.send(&vec![question.clone(); REPEATS]).await?;
-    let answer = |report| match report {
-        Report::Power(_) if question == Command::PowerQuery => Some(()),
-        Report::Config(_) if question == Command::ConfigQuery => Some(()),
-        Report::Log(_) if question == Command::LogQuery => Some(()),
-        _ => None,
-    };
-    for _ in 0..REPEATS {
-        if session.receive(REPLY_TIMEOUT, answer).await?.is_none() {
-            return Ok(false);
+/// The questions that it answers, in turn. One POWER may come unasked before the answer to CONFIG,
+/// but not several.
+async fn questions_answered(session: &mut RobotSession) -> Result<String, Failure> {
+    let mut questions = vec![Command::PowerQuery; REPEATS];
+    questions.extend([Command::LogQuery, Command::ConfigQuery]);
+    session.send(&questions).await?;
+    let (mut powers, mut logs) = (0, 0);
+    let answer = |report| {
+        match report {
+            Report::Power(_) => powers += 1,
+            Report::Log(_) => logs += 1,
+            Report::Config(_) => return Some(()),
+            _ => {}
         }
-    }
-    Ok(true)
+        None
+    };
+    let config = session.receive(ANSWERS_TIMEOUT, answer).await?.is_some();
+    let answered = [
+        ("POWER", powers >= REPEATS),
+        ("CONFIG", config),
+        ("LOG", logs > 0),
+        ("none", powers < REPEATS && !config && logs == 0),
+    ];
+    let answered = answered.into_iter().filter(|(_, answered)| *answered);
+    Ok(answered
+        .map(|(name, _)| name)
+        .collect::<Vec<_>>()
+        .join(", "))
 }
 
 /// Lets the robot leave its station, and finds out which way. It does that by itself, and ends it
@@ -321,15 +318,36 @@ async fn leave_station(walk: &mut Walk, session: &mut RobotSession) -> Result<()
     }
 }
 
-/// What it sees while it leaves; `None` if it does not say that it has left.
+/// What it sees while it leaves, nothing if something moves already before; `None` if it does not
+/// say that it has left.
 async fn watch_leaving(
     camera: Camera,
     session: &mut RobotSession,
 ) -> Result<Option<Vec<Glance>>, Failure> {
     session.send(&[video(true)]).await?;
-    sleep(COMING_TO_REST / 2).await;
+    // The exposure takes a moment.
+    watch(camera, session, COMING_TO_REST / 2).await?;
+    let (before, _) = watch(camera, session, COMING_TO_REST).await?;
     session.send(&[Command::Engine(Engage::Undock)]).await?;
-    let mut until = Instant::now() + LEAVING_TIMEOUT;
+    let (mut views, has_left) = watch(camera, session, LEAVING_TIMEOUT).await?;
+    session.send(&[Command::STOP, video(false)]).await?;
+    let change = |views: &[Glance]| {
+        let changes = views.windows(2).map(|pair| pair[0].difference(&pair[1]));
+        changes.fold(0.0, f64::max)
+    };
+    if change(&before) > change(&views) / 2.0 {
+        views.clear();
+    }
+    Ok(has_left.then_some(views))
+}
+
+/// What it sees for this long, or until it stands after it has left its station; and whether it has.
+async fn watch(
+    camera: Camera,
+    session: &mut RobotSession,
+    time: Duration,
+) -> Result<(Vec<Glance>, bool), Failure> {
+    let mut until = Instant::now() + time;
     let mut decoder = Decoder::default();
     let mut views = Vec::new();
     let mut next_view = Instant::now();
@@ -354,8 +372,7 @@ async fn watch_leaving(
             _ => {}
         }
     }
-    session.send(&[Command::STOP, video(false)]).await?;
-    Ok(has_left.then_some(views))
+    Ok((views, has_left))
 }
 
 /// Writes the config, or prints its lines if there is one.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::net::TcpStream;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, timeout};
 
 use super::{CheckResult, DoctorReport, Verdict};
 use crate::cli::connection::RobotTarget;
@@ -13,7 +13,7 @@ use crate::cli::robot::{RobotSession, video};
 use crate::cli::status::charge;
 use crate::cli::{ConnectionArgs, Failure, block_on};
 use crate::config::{Config, Effective};
-use crate::link::{self, Executes, Session, Target, discover};
+use crate::link::{self, Session, Target, discover};
 use crate::robot::Battery;
 use crate::sim;
 use crate::vision::{Camera, Decoder, Paper, pose_from_sheets, validate_markers};
@@ -226,36 +226,20 @@ async fn latency(session: &mut RobotSession) -> Result<CheckResult, Failure> {
     })
 }
 
-/// Whether the robot's program answers questions, and how fast it executes what it is sent. Several
-/// questions at once keep it busy from one answer to the next. Without an answer to the first one, the
-/// writer asks another kind of question.
-pub(super) async fn execution(session: &mut RobotSession) -> Result<Executes, Failure> {
-    for _kind in [Command::PowerQuery, Command::ConfigQuery] {
-        if let Executes::Every(_) = ask(session, 1).await? {
-            return ask(session, QUESTIONS).await;
-        }
+/// How long the robot's program takes for a command: the median time between its answers to several
+/// questions that were sent at once; `None` if it does not answer. The question is CONFIG: unlike
+/// POWER it never comes unasked. An answer may consist of several messages, one right after another.
+pub(super) async fn execution(session: &mut RobotSession) -> Result<Option<Duration>, Failure> {
+    session.send(&vec![Command::ConfigQuery; QUESTIONS]).await?;
+    let answer = |report| matches!(report, Report::Config(_)).then(Instant::now);
+    let mut times = Vec::new();
+    while let Some(time) = session.receive(REPLY_TIMEOUT, answer).await? {
+        times.push(time);
     }
-    Ok(Executes::NoAnswer)
-}
-
-/// Asks so many questions at once, and waits for their answers.
-async fn ask(session: &mut RobotSession, questions: usize) -> Result<Executes, Failure> {
-    let Session { reader, writer, .. } = &mut session.link;
-    for _ in 0..questions {
-        writer.ask(Instant::now())?;
-    }
-    writer.written().await?;
-    let mut until = Instant::now() + REPLY_TIMEOUT;
-    while !writer.is_executed()
-        && let Ok(report) = timeout_at(until, reader.next()).await
-    {
-        let report = report?;
-        writer.answer(&report, Instant::now());
-        if matches!(report, Report::Power(_) | Report::Config(_)) {
-            until = Instant::now() + REPLY_TIMEOUT;
-        }
-    }
-    Ok(writer.executes(Instant::now()))
+    let mut gaps: Vec<Duration> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.sort();
+    let has_all = times.len() >= QUESTIONS;
+    Ok(has_all.then(|| gaps[gaps.len() - QUESTIONS / 2]))
 }
 
 /// The number of commands that a robot executes per second which takes so long for one; `None`: at
@@ -264,8 +248,8 @@ pub(super) fn per_second(time: Duration) -> Option<f64> {
     (time >= AT_ONCE).then(|| 1.0 / time.as_secs_f64())
 }
 
-fn execution_result(executes: Executes) -> CheckResult {
-    let Executes::Every(time) = executes else {
+fn execution_result(executes: Option<Duration>) -> CheckResult {
+    let Some(time) = executes else {
         let found = "the robot does not say what it has executed";
         let help = "a stop counts as acknowledged, not as executed, and five commands a second are \
                     sent";

@@ -1,6 +1,7 @@
 //! What is found out by driving, through the pilot and its watchdog.
 
 use std::net::Shutdown;
+use std::ops::{Range, RangeInclusive};
 use std::pin::pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -16,20 +17,20 @@ use crate::link::AcceptedLogin;
 use crate::pilot::{Connector, Settings};
 use crate::robot::{Intent, MotionEnd, Pictures};
 use crate::safety::{Limits, PowerMeaning};
-use crate::vision::{Camera, Decoder, Glance};
+use crate::vision::{Camera, Decoder, Glance, moved_right};
 use crate::wire::Stream;
 
 /// Powers that are tried, percent.
-const POWERS: std::ops::RangeInclusive<u8> = 5..=47;
+const POWERS: RangeInclusive<u8> = 5..=47;
 const POWER_STEP: usize = 3;
 const PULSE: Duration = Duration::from_millis(600);
 /// How long pictures may be late, and the exposure may take.
 const SETTLING: Duration = Duration::from_millis(700);
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
-/// Views of the standing robot, whose differences are noise.
-const STANDING_VIEWS: usize = 6;
-/// The robot has moved if its view differs by this many times the noise, and this much more.
-const MOVED: (f64, f64) = (4.0, 0.4);
+/// How often a power is tried until two tries agree that it turns: somebody may walk by.
+const TRIES: usize = 5;
+/// What is seen stands if it moves by no more than this many tiles of a view.
+const STILL: isize = 1;
 
 /// Turns on the spot that load the battery.
 const TURNING_POWER: f64 = 50.0;
@@ -44,14 +45,16 @@ const SAG: u8 = 3;
 const CUT_POWER_ABOVE: u8 = 8;
 const CUT_POWER: u8 = 30;
 const MAX_CUT_POWER: u8 = 45;
-const BEFORE_CUT: Duration = Duration::from_secs(1);
-const CUT: Duration = Duration::from_secs(1);
+const BEFORE_CUT: Duration = Duration::from_millis(1200);
+const CUT: Duration = Duration::from_secs(2);
 const RECONNECTING: Duration = Duration::from_secs(60);
 /// The way back is so much longer, to see that it passes where it began: a stop may have waited in
 /// the robot's queue.
 const FARTHER: Duration = Duration::from_millis(1500);
-/// It drove on if it did so for this share of the time until it was stopped.
-const DROVE_ON: f64 = 0.6;
+/// It drove on if it did so for about this share of the time without a connection, and stopped if it
+/// did so for less than that one. It is stopped by the next login, a little later.
+const DROVE_ON: Range<f64> = 0.85..1.5;
+const STOPPED: f64 = 0.7;
 /// A view is recognised if it differs by less than this share of another one's difference: between
 /// two pictures the robot turns by some degrees.
 const RECOGNISED: f64 = 0.75;
@@ -67,11 +70,8 @@ pub(super) async fn drive_about(
         frames: driver.frames(),
         decoder: Decoder::default(),
         camera: walk.camera,
-        noise: 0.0,
-        see_motion: false,
     };
-    let sees = eyes.learn_noise().await;
-    let least = least_power(walk, driver, &mut eyes, sees).await?;
+    let least = least_power(walk, driver, &mut eyes).await?;
     sag(walk, driver).await?;
     disconnect(walk, driver, &mut eyes, cut, least).await?;
     show(driver, false).await
@@ -103,22 +103,9 @@ struct Eyes {
     frames: watch::Receiver<Pictures>,
     decoder: Decoder,
     camera: Camera,
-    /// The most by which two views differ while the robot stands.
-    noise: f64,
-    /// Whether a motion was seen.
-    see_motion: bool,
 }
 
 impl Eyes {
-    /// The next picture, if one comes and can be used.
-    async fn next(&mut self) -> Option<View> {
-        timeout(FRAME_TIMEOUT, self.frames.changed())
-            .await
-            .ok()?
-            .ok()?;
-        self.newest()
-    }
-
     fn newest(&mut self) -> Option<View> {
         let frame = self.frames.borrow_and_update().newest.clone()?;
         let image = self.decoder.decode(&frame.jpeg).ok()?;
@@ -129,53 +116,13 @@ impl Eyes {
         })
     }
 
-    /// What the standing robot sees.
-    async fn settled(&mut self) -> Option<Glance> {
-        sleep(SETTLING).await;
-        self.frames.mark_unchanged();
-        self.next().await.map(|view| view.glance)
-    }
-
-    /// Measures the noise; `false`: there are no pictures.
-    async fn learn_noise(&mut self) -> bool {
-        let mut views: Vec<Glance> = Vec::new();
-        for _ in 0..STANDING_VIEWS {
-            views.extend(self.settled().await);
-        }
-        for (number, view) in views.iter().enumerate() {
-            for other in &views[..number] {
-                self.noise = self.noise.max(view.difference(other));
-            }
-        }
-        views.len() >= 2
-    }
-
-    fn differ(&self, one: &Glance, other: &Glance) -> bool {
-        let (times, more) = MOVED;
-        one.difference(other) > times * self.noise + more
-    }
-
-    /// How long it had moved, from where it saw `first`, when it took the view of this number.
-    fn moved_until(&self, first: &Glance, views: &[View], number: usize) -> Option<Duration> {
-        let begins = views.iter().find(|view| self.differ(&view.glance, first))?;
-        Some(views.get(number)?.at.saturating_duration_since(begins.at))
-    }
-
-    /// The number of the view that shows `start` again, on the way from `after` to beyond it.
-    fn likest(&self, start: &Glance, after: &Glance, views: &[View]) -> Option<usize> {
-        let differences = views.iter().map(|view| view.glance.difference(start));
-        let least = differences
-            .enumerate()
-            .min_by(|(_, one), (_, other)| one.total_cmp(other));
-        let (number, difference) = least?;
-        let is_recognised = difference < RECOGNISED * after.difference(start);
-        (is_recognised && number + 1 < views.len()).then_some(number)
-    }
-
-    /// Awaits a motion, and returns its result and what was seen meanwhile.
+    /// Awaits a motion, and returns its result and what was seen meanwhile, after a picture of the
+    /// robot that still stands.
     async fn watch<T>(&mut self, motion: impl Future<Output = T>) -> (T, Vec<View>) {
+        self.frames.mark_unchanged();
+        let _ = timeout(FRAME_TIMEOUT, self.frames.changed()).await;
+        let mut views: Vec<View> = self.newest().into_iter().collect();
         let mut motion = pin!(motion);
-        let mut views = Vec::new();
         loop {
             tokio::select! {
                 biased;
@@ -186,12 +133,16 @@ impl Eyes {
     }
 }
 
-/// Turns it left and right with rising power until its pictures change.
+/// Whether what is seen has not moved; not if it is not seen again.
+fn stands(moved: Option<isize>) -> bool {
+    moved.is_some_and(|tiles| tiles.abs() <= STILL)
+}
+
+/// Turns it left and right with rising power until its pictures move.
 async fn least_power(
     walk: &mut Walk,
     driver: &mut Driver,
     eyes: &mut Eyes,
-    sees: bool,
 ) -> Result<Option<u8>, Failure> {
     const WHAT: &str = "least power";
     print(
@@ -202,22 +153,14 @@ async fn least_power(
         walk.unknown(WHAT, "skipped")?;
         return Ok(None);
     }
+    let mut why = "its pictures did not change";
     for percent in POWERS.step_by(POWER_STEP) {
         print(&format!("     {percent} %\n"))?;
-        let power = f64::from(percent);
-        let start = eyes.settled().await;
-        drive_once(driver, turn(power), PULSE).await?;
-        let turned = eyes.settled().await;
-        drive_once(driver, turn(-power), PULSE).await?;
-        let back = eyes.settled().await;
-        let moved = match (start, turned, back) {
-            // Twice: somebody may walk by.
-            (Some(start), Some(turned), Some(back)) => {
-                eyes.differ(&start, &turned) && eyes.differ(&turned, &back)
-            }
-            _ => false,
+        let Some(turned) = turns(driver, eyes, f64::from(percent)).await? else {
+            why = "its pictures do not tell, or something else moves";
+            break;
         };
-        if moved {
+        if turned {
             let below = percent.saturating_sub(POWER_STEP as u8);
             let found = if below >= *POWERS.start() {
                 format!("{percent} % turns it on the spot, {below} % does not: scripts use more")
@@ -225,16 +168,41 @@ async fn least_power(
                 format!("{percent} % or less turns it on the spot")
             };
             walk.measured(WHAT, &found)?;
-            eyes.see_motion = true;
             return Ok(Some(percent));
         }
     }
-    let why = if sees {
-        "its pictures did not change"
-    } else {
-        "it sends no pictures"
-    };
     ask_least_power(walk, WHAT, why).await
+}
+
+/// Whether this power turns it, left and right; `None` if its pictures do not tell.
+async fn turns(driver: &mut Driver, eyes: &mut Eyes, power: f64) -> Result<Option<bool>, Failure> {
+    let mut turned = 0;
+    for _ in 0..TRIES {
+        let left = pulse(driver, eyes, power).await?;
+        let right = pulse(driver, eyes, -power).await?;
+        if stands(left) && stands(right) {
+            return Ok(Some(false));
+        }
+        if left > Some(STILL) && right.is_some_and(|tiles| tiles < -STILL) {
+            turned += 1;
+        }
+        if turned == 2 {
+            return Ok(Some(true));
+        }
+    }
+    Ok(None)
+}
+
+/// By how many tiles what is seen moves to the right in a short turn; `None` if its pictures do not
+/// tell.
+async fn pulse(driver: &mut Driver, eyes: &mut Eyes, power: f64) -> Result<Option<isize>, Failure> {
+    let turning = async {
+        drive_once(driver, turn(power), PULSE).await?;
+        sleep(SETTLING).await;
+        Ok(())
+    };
+    let (ended, views) = eyes.watch(turning).await;
+    ended.map(|()| moved_right(views.iter().map(|view| &view.glance)))
 }
 
 async fn ask_least_power(
@@ -298,26 +266,23 @@ async fn disconnect(
     let power = least.map_or(CUT_POWER, |least| least + CUT_POWER_ABOVE);
     let power = power.min(MAX_CUT_POWER);
     print(&format!(
-        "\n7  It turns on the spot at {power} % for two seconds; in the second one the connection is \
-         cut. Then it turns back.\n"
+        "\n7  It turns on the spot at {power} %; after a second the connection is cut for two seconds. \
+         Then it turns back.\n"
     ))?;
     if !walk.agrees("Is there room around it?").await? {
         return walk.unknown(WHAT, "skipped");
     }
-    let (drove, apart) = match turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
-        Ok(turned) => turned,
-        Err(why) => return walk.unknown(WHAT, why),
-    };
-    if let Some(drove) = drove {
+    if let Some(drove) = turn_and_cut(driver, eyes, cut, f64::from(power)).await? {
         let seconds = drove.as_secs_f64();
-        let found = if seconds > DROVE_ON * apart.as_secs_f64() {
-            "it drives on".to_owned()
-        } else {
-            format!("it stops by itself, after about {seconds:.1} s")
-        };
-        return walk.measured(WHAT, &found);
+        let share = seconds / CUT.as_secs_f64();
+        if DROVE_ON.contains(&share) {
+            return walk.measured(WHAT, "it drives on");
+        } else if share < STOPPED {
+            let found = format!("it stops by itself, after about {seconds:.1} s");
+            return walk.measured(WHAT, &found);
+        }
     }
-    let asks = "Did it stop when the connection was cut (s), or drive on for a second (d)? Enter: not seen";
+    let asks = "Did it stop when the connection was cut (s), or drive on (d)? Enter: not seen";
     match walk.types(asks).await?.as_str() {
         "s" => walk.asked(WHAT, "it stops by itself"),
         "d" => walk.asked(WHAT, "it drives on"),
@@ -326,16 +291,14 @@ async fn disconnect(
 }
 
 /// Turns, cuts the connection meanwhile, and turns back. Returns for how long it drove without a
-/// connection, if that was seen, and the time until it was stopped; or why it is not known.
+/// connection, if that was seen.
 async fn turn_and_cut(
     driver: &mut Driver,
     eyes: &mut Eyes,
     cut: &LinkCut,
     power: f64,
-) -> Result<Result<(Option<Duration>, Duration), &'static str>, Failure> {
+) -> Result<Option<Duration>, Failure> {
     ready(driver.status())?;
-    let start = eyes.settled().await;
-    let began = Instant::now();
     let driving = async {
         let motion = driver.ask(async |client| client.run(turn(power), BEFORE_CUT + 2 * CUT).await);
         let cutting = async {
@@ -344,30 +307,39 @@ async fn turn_and_cut(
         };
         tokio::join!(motion, cutting).0
     };
-    let (ended, views) = eyes.watch(driving).await;
-    if ended? != MotionEnd::Disconnected {
-        return Ok(Err("the connection could not be cut"));
+    let (ended, there) = eyes.watch(driving).await;
+    if ended? != MotionEnd::Disconnected || timeout(RECONNECTING, driver.connected()).await.is_err()
+    {
+        return Ok(None);
     }
-    if timeout(RECONNECTING, driver.connected()).await.is_err() {
-        return Ok(Err("it could not be reached again in time"));
-    }
-    let apart = began.elapsed().saturating_sub(BEFORE_CUT);
-    let after = eyes.settled().await;
-    let driving = drive_once(driver, turn(-power), BEFORE_CUT + apart + FARTHER);
-    let (ended, views_back) = eyes.watch(driving).await;
-    ended?;
-    let drove = match (&start, &after) {
-        // If its pictures have shown no motion, one that does not change tells nothing.
-        (Some(start), Some(after)) if eyes.see_motion => {
-            let there = eyes.moved_until(start, &views, views.len().saturating_sub(1));
-            let likest = eyes.likest(start, after, &views_back);
-            let back = likest.and_then(|number| eyes.moved_until(after, &views_back, number));
-            back.zip(there)
-                .map(|(back, there)| back.saturating_sub(there))
-        }
-        _ => None,
-    };
-    Ok(Ok((drove, apart)))
+    sleep(SETTLING).await;
+    let long = BEFORE_CUT + CUT + FARTHER;
+    let driving = driver.ask(async |client| client.run(turn(-power), long).await);
+    let (ended, back) = eyes.watch(driving).await;
+    let is_whole = ended? == MotionEnd::Done;
+    Ok(unseen_turn(&there, &back).filter(|_| is_whole))
+}
+
+/// How long it turned after the last view of the way there, if the way back leads past where the
+/// first one was taken.
+fn unseen_turn(there: &[View], back: &[View]) -> Option<Duration> {
+    let start = there.first()?;
+    let differs = |view: &View| view.glance.difference(&start.glance);
+    let likest = back
+        .iter()
+        .min_by(|one, other| differs(one).total_cmp(&differs(other)))?;
+    let is_passed = likest.at < back.last()?.at;
+    let is_recognised = differs(likest) < RECOGNISED * differs(back.first()?);
+    let whole = moved_until(back, likest)?;
+    let seen = moved_until(there, there.last()?)?;
+    (is_passed && is_recognised).then(|| whole.saturating_sub(seen))
+}
+
+/// How long it had moved when it took the last one of these views.
+fn moved_until(views: &[View], last: &View) -> Option<Duration> {
+    let moved = |view: &&View| !stands(view.glance.moved_since(&views[0].glance));
+    let begins = views.iter().find(moved)?;
+    Some(last.at.saturating_duration_since(begins.at))
 }
 
 /// Cuts the link of a pilot as a lost network does, and keeps it cut for a while. The pilot then
