@@ -196,9 +196,11 @@ fn constants(text: &mut String, namespace: &Namespace) {
 
 fn function(text: &mut String, function: &Function) {
     let waits = if function.waits { " May wait." } else { "" };
+    // The book's search knows whole words only, and the call is one.
+    let name = function.path.rsplit([':', '.']).next().unwrap_or_default();
     let _ = writeln!(
         text,
-        "## `{}`\n\n{}{waits}\n",
+        "## `{name}`\n\n`{}`\n\n{}{waits}\n",
         function.call(),
         function.doc
     );
