@@ -75,9 +75,9 @@ pub(in crate::cli) fn with_pictures(
         session.send(&[video(true)]).await?;
         loop {
             let shot = next_picture(session, limit).await?;
-            if let Some(exit) = used(&shot)? {
+            if let Some(done) = used(&shot).transpose() {
                 session.send(&[video(false)]).await?;
-                return Ok(exit);
+                return done;
             }
         }
     })
