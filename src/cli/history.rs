@@ -93,7 +93,8 @@ enum Topic {
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// Watchdog actions, STOP, behaviours that were given up, missed starts, events that were lost
+    /// Watchdog actions, STOP, behaviours that were given up, missed starts, changes of the timetable,
+    /// events that were lost
     Alarms,
     /// Behaviours: start, end, and how they ended
     Runs,
@@ -118,6 +119,7 @@ impl Topic {
                 "start_missed",
                 "stop_engaged",
                 "stop_reset",
+                "timetable_changed",
                 "lost",
             ],
             Topic::Runs => &["started", "ended"],
@@ -364,6 +366,7 @@ fn describe(one: &Record) -> String {
         "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
         "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
         "stop_reset" => format!("a person has released the robot: {}", text("by")),
+        "timetable_changed" => format!("{}: {}", text("text"), text("by")),
         "picture" => text("path").to_owned(),
         "entry" => format!("{}: {} {}", text("behaviour"), text("kind"), fields(one)),
         "notify" => format!("{}: {}", text("behaviour"), text("text")),

@@ -22,7 +22,7 @@ use crate::robot::{
     BehaviourId, DockPlan, Intent, Pictures, Priority, STOP_HOLDS, StopConfirmation, StopOutcome,
     Streams, Use, WatchdogState,
 };
-use crate::timetable::View;
+use crate::timetable::{TimetableOrder, View};
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
@@ -73,6 +73,8 @@ pub struct Run {
     pub began: Instant,
     /// The next start of the timetable, and whether it is a quiet hour.
     pub view: watch::Receiver<View>,
+    /// Where the timetable is changed; closed in a run without one.
+    pub timetable: mpsc::Sender<TimetableOrder>,
     /// Its simulated robot, if it can be changed.
     pub sim: Option<SimulatedRobot>,
     /// Times from a frame to a track command.
@@ -97,6 +99,25 @@ impl Run {
             } => self.change(&name, change, lasts, by).await,
             RunRequest::Param { name, param, value } => {
                 RunResponse::from_result(self.roster.change_param(&name, &param, value))
+            }
+            RunRequest::Timetable {
+                change,
+                until,
+                start,
+            } => {
+                let (answer, answered) = oneshot::channel();
+                let order = TimetableOrder {
+                    change,
+                    until,
+                    start,
+                    by: by.to_owned(),
+                    answer,
+                };
+                if self.timetable.send(order).await.is_err() {
+                    return RunResponse::refused("only a service has a timetable");
+                }
+                let ending = || Err("the run is ending".to_owned());
+                RunResponse::from_result(answered.await.unwrap_or_else(|_| ending()))
             }
             RunRequest::Sim { change } => match &self.sim {
                 Some(sim) => RunResponse::from_result(change.apply(sim)),
@@ -205,6 +226,7 @@ impl Run {
             | RunRequest::ResetStop
             | RunRequest::Behaviour { .. }
             | RunRequest::Param { .. }
+            | RunRequest::Timetable { .. }
             | RunRequest::Sim { .. } => return Ok(RunResponse::Done),
         };
         client.send_intent(intent).await?;
@@ -425,6 +447,7 @@ impl Run {
             robot: running.robot,
             behaviours: running.behaviours,
             next: view.next.clone(),
+            paused: view.hold.paused,
             quiet: view.quiet,
         }
     }

@@ -114,6 +114,12 @@ pub enum AgentEvent {
     StopReset {
         by: String,
     },
+    /// A person has changed the timetable until further notice.
+    TimetableChanged {
+        by: String,
+        /// What is different now.
+        text: String,
+    },
     Picture {
         behaviour: String,
         path: PathBuf,
@@ -151,6 +157,7 @@ impl AgentEvent {
             AgentEvent::StartMissed { .. } => "start_missed",
             AgentEvent::StopEngaged { .. } => "stop_engaged",
             AgentEvent::StopReset { .. } => "stop_reset",
+            AgentEvent::TimetableChanged { .. } => "timetable_changed",
             AgentEvent::Picture { .. } => "picture",
             AgentEvent::Entry { .. } => "entry",
             AgentEvent::Notify { .. } => "notify",
@@ -308,6 +315,10 @@ mod tests {
             },
             AgentEvent::StopEngaged { by: text() },
             AgentEvent::StopReset { by: text() },
+            AgentEvent::TimetableChanged {
+                by: text(),
+                text: text(),
+            },
             AgentEvent::Picture {
                 behaviour: behaviour.clone(),
                 path: "data/patrol/1.jpg".into(),
