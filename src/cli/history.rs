@@ -364,6 +364,12 @@ fn describe(one: &Record) -> String {
         }
         "given_up" => format!("{}: {}", text("behaviour"), text("message")),
         "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
+        "standstill" => format!(
+            "the robot has stood for {:.0} min while {} runs: {}",
+            whole("seconds") / 60.0,
+            text("behaviour"),
+            text("reason")
+        ),
         "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
         "stop_reset" => format!("a person has released the robot: {}", text("by")),
         "timetable_changed" => format!("{}: {}", text("text"), text("by")),

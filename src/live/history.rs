@@ -30,12 +30,13 @@ const MAX_PICTURE: u64 = 4 << 20;
 /// Maximum number of records that a gallery is made of: the newest.
 const GALLERY: u32 = 4000;
 /// The kinds of events shown; pictures are in the gallery.
-const KINDS: [&str; 12] = [
+const KINDS: [&str; 13] = [
     "dock",
     "undock",
     "safety",
     "given_up",
     "start_missed",
+    "standstill",
     "stop_engaged",
     "stop_reset",
     "timetable_changed",
@@ -99,7 +100,7 @@ pub(super) struct HistoryEvent {
     /// The time, in milliseconds since 1970.
     pub at: i64,
     /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `notify`, `lost`,
-    /// `stop_engaged`, `stop_reset`, or `timetable_changed`.
+    /// `stop_engaged`, `stop_reset`, `timetable_changed`, or `standstill`.
     pub kind: String,
     /// The behaviour, if it is an event of one.
     pub behaviour: String,

@@ -107,6 +107,14 @@ pub enum AgentEvent {
         behaviour: String,
         reason: String,
     },
+    /// The robot stands although a behaviour runs that drives.
+    Standstill {
+        /// What runs.
+        behaviour: String,
+        reason: String,
+        /// How long it has stood so far.
+        seconds: f64,
+    },
     /// A person has pressed STOP: the robot stands until a person releases it.
     StopEngaged {
         by: String,
@@ -155,6 +163,7 @@ impl AgentEvent {
             AgentEvent::Ended { .. } => "ended",
             AgentEvent::GivenUp { .. } => "given_up",
             AgentEvent::StartMissed { .. } => "start_missed",
+            AgentEvent::Standstill { .. } => "standstill",
             AgentEvent::StopEngaged { .. } => "stop_engaged",
             AgentEvent::StopReset { .. } => "stop_reset",
             AgentEvent::TimetableChanged { .. } => "timetable_changed",
@@ -314,6 +323,11 @@ mod tests {
                 reason: text(),
             },
             AgentEvent::StopEngaged { by: text() },
+            AgentEvent::Standstill {
+                behaviour: behaviour.clone(),
+                reason: text(),
+                seconds: 300.0,
+            },
             AgentEvent::StopReset { by: text() },
             AgentEvent::TimetableChanged {
                 by: text(),

@@ -14,6 +14,7 @@ use tracing::{error, info, warn};
 
 use super::idle::{Activity, IdleAction, IdleRobot};
 use super::record::is_news;
+use super::standstill::{LONG, Standstill};
 use super::{ManagerNotifier, RecordFile, ServicePlan, View};
 use crate::agent::{
     AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, Change, PilotClient,
@@ -60,6 +61,7 @@ pub(super) struct Executor {
     implausible: bool,
     /// Whether a person's STOP holds.
     stopped: bool,
+    standstill: Standstill,
 }
 
 impl Executor {
@@ -95,6 +97,7 @@ impl Executor {
             last_status: String::new(),
             implausible: false,
             stopped: false,
+            standstill: Standstill::default(),
         }
     }
 
@@ -151,6 +154,7 @@ impl Executor {
         }
         self.check_clock(now);
         self.owes_return &= !status.docked;
+        self.report_standstill(&status, at);
         let waits_for_runs = if self.owes_return {
             !self.runs_only_permanent()
         } else {
@@ -176,6 +180,19 @@ impl Executor {
     fn runs_only_permanent(&self) -> bool {
         let always = &self.service_plan.always;
         self.running.iter().all(|name| always.contains(name))
+    }
+
+    fn report_standstill(&mut self, status: &Status, at: Instant) {
+        let expected = !self.runs_only_permanent();
+        let reason = self.standstill.poll(status, &self.running, expected, at);
+        if let Some(reason) = reason {
+            let running: Vec<&str> = self.running.iter().map(String::as_str).collect();
+            self.bus.publish(AgentEvent::Standstill {
+                behaviour: running.join(", "),
+                reason,
+                seconds: LONG.as_secs_f64(),
+            });
+        }
     }
 
     /// Updates the behaviours that are not idle, and informs the planner of those that have ended.

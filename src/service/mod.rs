@@ -6,6 +6,7 @@ mod executor;
 mod idle;
 mod manager_notifier;
 mod record;
+mod standstill;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -151,6 +151,7 @@ const TEXTS = {
   event_safety: ["watchdog", "Wächter", "sorveglianza"],
   event_given_up: ["given up", "aufgegeben", "abbandonato"],
   event_start_missed: ["start missed", "Start versäumt", "avvio mancato"],
+  event_standstill: ["stands", "steht", "fermo"],
   event_timetable_changed: ["timetable", "Zeitplan", "programma"],
   event_started: ["started", "gestartet", "avviato"],
   event_ended: ["ended", "beendet", "terminato"],
