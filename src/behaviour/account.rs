@@ -64,10 +64,11 @@ impl Account {
     fn new(options: &Options) -> Account {
         let folders = options.folders().into_iter().map(PathBuf::from);
         let folders: Vec<PathBuf> = folders.collect();
-        let (name, data) = (options.name.clone(), options.data_dir.clone());
+        let name = options.name.clone();
+        let limiter = HostLimiter::new(name, options.data_dir.clone(), &options.limits);
         let day = Budget::new(options.limits.bytes_a_day * folders.len().max(1) as u64);
         Account {
-            limiter: Arc::new(Mutex::new(HostLimiter::new(name, data, &options.limits))),
+            limiter: Arc::new(Mutex::new(limiter)),
             disk: Arc::new(Mutex::new(Disk { day, files: None })),
             limits: options.limits.clone(),
             folders,

@@ -17,8 +17,9 @@ pub(super) struct Standstill {
     running: BTreeSet<String>,
     /// Whether the robot has driven while these behaviours run.
     driven: bool,
-    /// Why it stands, since when, and whether that was told.
-    present: Option<(String, Instant, bool)>,
+    /// Why it stands, and since when, until that is told.
+    reason: Option<String>,
+    since: Option<Instant>,
 }
 
 impl Standstill {
@@ -40,21 +41,18 @@ impl Standstill {
         let reason = reason(status);
         self.driven |= reason.is_none();
         let expected = !running.is_empty() && (waits_for_runs || self.driven);
-        let Some(reason) = reason.filter(|_| expected) else {
-            self.present = None;
+        if !expected || reason != self.reason {
+            self.reason = reason;
+            self.since = Some(now);
             return None;
-        };
-        match &mut self.present {
-            Some((present, since, told)) if *present == reason => {
-                let is_news = !*told && now.saturating_duration_since(*since) >= LONG;
-                *told |= is_news;
-                is_news.then_some(reason)
-            }
-            present => {
-                *present = Some((reason, now, false));
-                None
-            }
         }
+        let since = self.since?;
+        if now.saturating_duration_since(since) < LONG {
+            return None;
+        }
+        // It is told once.
+        self.since = None;
+        self.reason.clone()
     }
 }
 
