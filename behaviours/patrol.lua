@@ -1,7 +1,8 @@
 -- patrol: drives round after round, each of several legs. At the end of each leg it looks around,
 -- takes photographs, in the dark with its headlight, and logs the colours that it sees. When the battery runs low it goes home,
 -- charges, leaves the station and continues with the leg that it had not finished; after a restart
--- it does the same. Runs until it is stopped.
+-- it does the same. Runs until it is stopped; with `rounds` it goes home after so many rounds, sends one
+-- message that sums them up when it is there, and ends.
 
 local floor = require("@spykee/floor")
 
@@ -11,6 +12,7 @@ local settings = params.declare({
 	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "speed on a leg" },
 	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; at 20 % the watchdog docks" },
 	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
+	rounds = { default = 0, min = 0, max = 1000, doc = "rounds until it goes home and ends; 0: goes on until it is stopped" },
 })
 local COLOURS = { "red", "green", "blue", "yellow" }
 local DARK = 0.25 -- a picture darker than this is night, as for night_light
@@ -18,6 +20,15 @@ local LIT = 0.5 -- seconds until pictures show the light that was switched on
 
 local leg = store.get("leg", 1) -- the next leg to drive
 local round = store.get("round", 1)
+-- The tour of `rounds`; one that was cut short goes on at the next start.
+local began = clock.now()
+local tour = { round = round, seconds = 0, pictures = 0 }
+if settings.rounds > 0 then
+	tour = store.get("tour", tour)
+else
+	store.delete("tour")
+end
+local earlier = tour.seconds -- what earlier starts have driven of it
 
 local function level()
 	local battery = robot.battery()
@@ -64,6 +75,7 @@ local function photograph(name)
 	if not frame then
 		return log.warn("the camera sent no picture")
 	end
+	tour.pictures += if path then 1 else 0
 	log.info(`I see {colours_in(frame)}`, { picture = path or why })
 end
 
@@ -83,12 +95,29 @@ local function look_around()
 	robot.stream("video", false) -- until the next look
 end
 
+local function is_over()
+	return settings.rounds > 0 and round - tour.round >= settings.rounds
+end
+
+local function sum_up()
+	local minutes = math.ceil((earlier + clock.now() - began) / 60)
+	local text = `patrol: rounds: {round - tour.round}, minutes: {minutes}, pictures: {tour.pictures}; `
+		.. `at home, the battery is at {shown_level()}`
+	log.info(text)
+	notify.send(text)
+	store.delete("tour")
+end
+
 -- Stores the next leg at once, so that a restart continues there.
 local function next_leg()
 	leg = leg % settings.legs + 1
 	round += if leg == 1 then 1 else 0
 	store.set("leg", leg)
 	store.set("round", round)
+	tour.seconds = earlier + clock.now() - began
+	if settings.rounds > 0 then
+		store.set("tour", tour)
+	end
 end
 
 local function patrol()
@@ -123,6 +152,9 @@ local function go_home()
 		log.warn(`could not dock: {code}`)
 		return task.wait(5)
 	end
+	if is_over() then
+		return
+	end
 	charge()
 	local out, why = floor.leave_station()
 	robot.stream("video", false)
@@ -133,10 +165,12 @@ local function go_home()
 	end
 end
 
-while true do
-	if robot.docked() or (level() or 100) <= settings.go_home then
+while not (is_over() and robot.docked()) do
+	if robot.docked() or is_over() or (level() or 100) <= settings.go_home then
 		go_home()
 	else
 		patrol()
 	end
 end
+
+sum_up()

@@ -48,7 +48,14 @@ impl TokenBucket {
         enough
     }
 
-    /// The same; returns how often it was refused since the last success.
+    /// Takes tokens, also if not enough are left; returns how many are left then.
+    pub fn spend(&mut self, amount: f64, now: Instant) -> f64 {
+        self.take(0.0, now);
+        self.level -= amount;
+        self.level
+    }
+
+    /// Same as [`TokenBucket::take`]; returns how often it was refused since the last success.
     pub fn take_counted(&mut self, amount: f64, now: Instant) -> Option<u64> {
         if !self.take(amount, now) {
             self.refused += 1;
@@ -84,6 +91,20 @@ impl Budget {
     /// The same; returns how often it was refused since the last success.
     pub fn take_counted(&mut self, bytes: u64, now: Instant) -> Option<u64> {
         self.bucket.take_counted(bytes as f64, now)
+    }
+
+    /// Spends bytes that are spent already, also if not enough are left; returns how many may be spent
+    /// at once now, below zero if too much was.
+    pub fn spend(&mut self, bytes: u64, now: Instant) -> f64 {
+        self.bucket.spend(bytes as f64, now)
+    }
+
+    /// The same budget of which at most this much may be spent at once now.
+    pub fn with_left(mut self, left: Option<u64>) -> Budget {
+        if let Some(left) = left {
+            self.bucket.level = self.bucket.level.min(left as f64);
+        }
+        self
     }
 
     pub fn per_day(&self) -> u64 {

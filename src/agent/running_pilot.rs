@@ -15,7 +15,7 @@ use tracing::{info, warn};
 
 use super::restart_loop::RestartLoop;
 use super::{AgentError, Behaviour};
-use crate::behaviour::{Handle, HostContext, Launch, Launcher, Library, RestartPolicy};
+use crate::behaviour::{Accounts, Handle, HostContext, Launch, Launcher, Library, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
@@ -98,6 +98,7 @@ impl PilotSetup {
             longest_silence: self.plan.settings.limits.host_idle_silence.get(),
             viewers: ViewerChannel::default(),
             bus: self.plan.bus.clone(),
+            accounts: Accounts::default(),
         }
     }
 

@@ -36,16 +36,22 @@ pub(super) struct Gallery {
 }
 
 impl Gallery {
-    /// `blocking`: for virtual time, in which any thread appears slow, [`Gallery::offer`] waits until
+    /// `left`: how many bytes may be written at once now, if not the whole budget. `blocking`: for
+    /// virtual time, in which any thread appears slow, [`Gallery::offer`] waits until
     /// the previous picture was taken from the queue.
-    pub(super) fn open(folder: PathBuf, limits: &Limits, blocking: bool) -> io::Result<Gallery> {
+    pub(super) fn open(
+        folder: PathBuf,
+        limits: &Limits,
+        left: Option<u64>,
+        blocking: bool,
+    ) -> io::Result<Gallery> {
         let (frames, waiting) = sync_channel::<AnnotatedFrame>(1);
         let (complaints, trouble) = sync_channel(1);
-        let ring = Ring::new(folder, limits);
+        let mut ring = Ring::new(folder, limits);
+        ring.day = ring.day.with_left(left);
         let thread = std::thread::Builder::new()
             .name("gallery".into())
             .spawn(move || {
-                let mut ring = ring;
                 for annotated in waiting {
                     if let Err(error) = ring.save(&annotated) {
                         // Only the first error is reported.
@@ -239,7 +245,8 @@ mod tests {
     #[test]
     fn the_last_picture_is_written_before_the_drop_returns() {
         let root = tempfile::tempdir().unwrap();
-        let gallery = Gallery::open(root.path().to_owned(), &Limits::default(), false).unwrap();
+        let gallery =
+            Gallery::open(root.path().to_owned(), &Limits::default(), None, false).unwrap();
         gallery.offer(annotated(1));
         drop(gallery);
         let kept = image::open(root.path().join("00.jpg")).unwrap().to_rgb8();
@@ -262,7 +269,8 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut gallery = Gallery::open(file.join("folder"), &Limits::default(), false).unwrap();
+        let mut gallery =
+            Gallery::open(file.join("folder"), &Limits::default(), None, false).unwrap();
         gallery.offer(annotated(1));
         let trouble = loop {
             if let Some(trouble) = gallery.take_error() {

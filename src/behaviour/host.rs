@@ -120,7 +120,7 @@ fn open_gallery(options: &Options, time: Time) -> io::Result<Option<Gallery>> {
         return Ok(None);
     };
     let blocking = time == Time::Virtual;
-    Gallery::open(folder, &options.limits, blocking).map(Some)
+    Gallery::open(folder, &options.limits, options.bytes_left, blocking).map(Some)
 }
 
 fn open_store(options: &Options, time: Time) -> Option<StoreWriter> {

@@ -43,7 +43,7 @@ impl<T> Admission<T> {
     }
 }
 
-/// The limits of one host.
+/// The limits of one behaviour, whatever its host.
 #[derive(Debug)]
 pub(super) struct HostLimiter {
     behaviour: String,

@@ -2,6 +2,7 @@
 //! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
 //! host affects only its own behaviour.
 
+mod account;
 mod gallery;
 mod host;
 mod inspection;
@@ -15,6 +16,7 @@ mod store_writer;
 mod supervisor;
 mod watch;
 
+pub use account::Accounts;
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;

@@ -12,12 +12,12 @@ use tokio::process::{Child, ChildStderr, Command};
 use tokio::runtime::Handle as Runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::task::{AbortHandle, JoinHandle};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 
+use super::account::{Account, Accounts};
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use super::library::Library;
-use super::limiter::HostLimiter;
 use super::message::{Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
@@ -224,6 +224,8 @@ pub struct HostContext {
     pub viewers: ViewerChannel,
     /// Publishes the scripts' reports (entries, notices, pictures).
     pub bus: Bus,
+    /// What the behaviours have written today.
+    pub accounts: Accounts,
 }
 
 /// A behaviour whose script is loaded but does not run yet.
@@ -239,7 +241,7 @@ pub struct Prepared {
     pump: AbortHandle,
     /// False in virtual time, in which no sign of life is expected.
     pub(super) in_real_time: bool,
-    pub(super) limiter: HostLimiter,
+    pub(super) account: Account,
 }
 
 impl Prepared {
@@ -248,7 +250,7 @@ impl Prepared {
         context: &HostContext,
         by: BehaviourId,
         priority: Priority,
-        launch: Launch,
+        mut launch: Launch,
     ) -> Result<Prepared, ScriptExit> {
         let HostContext { launcher, core, .. } = context;
         let name = launch.options.name.clone();
@@ -259,8 +261,12 @@ impl Prepared {
             )
         };
         validate_name(&name).map_err(|error| exit(EndReason::Error, &error.to_string()))?;
-        let folder = launch.options.data_dir.clone();
-        let limiter = HostLimiter::new(name.clone(), folder, &launch.options.limits);
+        let account = context.accounts.open(&launch.options);
+        if !launcher.is_in_this_thread() {
+            let left = account.weigh(Instant::now());
+            let left = left.map_err(|why| exit(EndReason::Error, &format!("{name}: {why}")))?;
+            launch.options.bytes_left = Some(left);
+        }
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
@@ -279,7 +285,7 @@ impl Prepared {
             modules,
             pump,
             in_real_time: !launcher.is_in_this_thread(),
-            limiter,
+            account,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {

@@ -10,7 +10,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::Instant;
 
-use crate::files::Folder;
+use crate::files::{Folder, Item};
 use crate::rate_limit::Budget;
 use crate::script::Limits;
 
@@ -23,6 +23,12 @@ const LONGEST: u64 = 2 << 20;
 const PACE: Duration = Duration::from_millis(900);
 /// Interval between writes when the daily budget is used up.
 const SLOW_PACE: Duration = Duration::from_secs(60);
+
+/// Whether this is a store's file, or one that is unfinished or damaged.
+pub(super) fn is_store(item: &Item) -> bool {
+    let names = [NAME, BAD, ".unfinished-store.json"];
+    names.contains(&item.name.as_str()) && item.bytes <= LONGEST
+}
 
 #[derive(Debug)]
 pub(super) struct StoreWriter {

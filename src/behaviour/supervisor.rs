@@ -13,7 +13,7 @@ use tracing::{debug, warn};
 use super::limiter::{Admission, log};
 use super::message::{PromptCommand, ToHost};
 use super::process::{EXIT_TIME, HostContext, Prepared, exit};
-use crate::clock::until;
+use crate::clock::{or_never, until};
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{Detections, EndReason, HostReport, ParamChange, Pictures};
 use crate::script::{Evaluated, FromHost, LogLine, ScriptExit};
@@ -146,11 +146,30 @@ impl Supervisor {
         let core = self.context.core.clone();
         let requests = self.context.requests.clone();
         let by = self.host.by;
-        let served = core.spawn(self.serve_to_the_end(handle));
-        let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
+        let watched = if self.host.in_real_time {
+            Some(self.host.account.clone().watch())
+        } else {
+            None
+        };
+        let mut served = AbortOnDropHandle::new(core.spawn(self.serve_to_the_end(handle.clone())));
+        let mut overweight = None;
+        let served = tokio::select! {
+            served = &mut served => served,
+            why = or_never(watched) => {
+                overweight = Some(why);
+                handle.stop(EndReason::Error);
+                served.await
+            }
+        };
+        let Ok((mut supervisor, exit)) = served else {
             let _ = requests.send(Request::Gone(by)).await;
             return self::exit(EndReason::Error, "internal error: its supervisor panicked");
         };
+        let overweight = overweight.map(|why| {
+            let text = format!("{}: {why}", supervisor.host.name);
+            self::exit(EndReason::Error, &text)
+        });
+        let exit = overweight.or(exit);
         let exit = match exit {
             Some(exit) => exit,
             // Finding out why the host failed takes time; its motion has stopped by then.
@@ -312,7 +331,7 @@ impl Supervisor {
     fn write(&mut self, line: LogLine) {
         let name = &self.host.name;
         match (
-            self.host.limiter.admit_line(line, Instant::now()),
+            self.host.account.limiter().admit_line(line, Instant::now()),
             &self.repl_channel,
         ) {
             (Admission::Passed(line), Some(repl_channel)) => {
@@ -329,7 +348,12 @@ impl Supervisor {
     }
 
     fn report(&mut self, report: HostReport) {
-        match self.host.limiter.admit_report(report, Instant::now()) {
+        match self
+            .host
+            .account
+            .limiter()
+            .admit_report(report, Instant::now())
+        {
             Admission::Passed(what) => self.context.bus.publish(what),
             Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,

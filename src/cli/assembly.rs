@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::{Notify, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
@@ -30,7 +30,10 @@ use crate::mqtt;
 use crate::pilot::{Settings, Status};
 use crate::robot::EndReason;
 use crate::sim::{self, Handle};
-use crate::timetable::View;
+use crate::timetable::{TimetableOrder, View};
+
+/// Maximum number of waiting changes of the timetable.
+const MAX_CHANGES: usize = 8;
 
 /// A run or a service, on whatever robot.
 pub(super) struct RunSetup {
@@ -81,6 +84,8 @@ pub(super) struct StartedRun {
     pub(super) beats: Arc<Notify>,
     /// For the next start of a timetable.
     pub(super) view: watch::Sender<View>,
+    /// What people change of a timetable.
+    pub(super) changes: mpsc::Receiver<TimetableOrder>,
     /// Cancelled by signals; ends the run.
     pub(super) stop: CancellationToken,
 }
@@ -196,6 +201,7 @@ impl RunSetup {
             handle_signals(&core, agent.requests(), robot.stop.clone(), others, None)?;
         }
         let (view, seen) = View::channel();
+        let (timetable, changes) = mpsc::channel(MAX_CHANGES);
         let control = control::Run {
             requests: agent.requests(),
             roster: agent.roster(),
@@ -210,6 +216,7 @@ impl RunSetup {
             sim: self.page.as_ref().and(robot.sim),
             began: Instant::now(),
             view: seen,
+            timetable,
         };
         let page = self.page.take();
         let page =
@@ -220,6 +227,7 @@ impl RunSetup {
             bus,
             beats,
             view,
+            changes,
             stop: robot.stop,
         };
         Ok((started, control, page.transpose()?))

@@ -5,6 +5,7 @@ use std::time::Duration;
 use clap::Subcommand;
 
 use super::running::{RemoteArgs, ask, find_run_of_target, order, unexpected_reply};
+use super::runs::next_start;
 use super::settings::CommandSettings;
 use super::table::aligned;
 use super::{Exit, Failure, print, print_json};
@@ -12,6 +13,7 @@ use crate::agent::Change;
 use crate::clock::{self, Span};
 use crate::control::{BehaviourListing, Client, RunRequest, RunResponse};
 use crate::link::Target;
+use crate::timetable::TimetableChange;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
 const CHANGE_TIMEOUT: Duration = Duration::from_secs(15);
@@ -45,6 +47,19 @@ pub(super) enum BehaviourCommand {
     Stop(NameArgs),
     /// End a behaviour if it is running, then start it from the current version of its file
     Restart(NameArgs),
+    /// Leave out the timetable's next start, or start nothing until a time
+    ///
+    /// Holds also after a restart of the service. `spykee status` shows it.
+    #[command(after_help = "Example: spykee behaviour timetable pause \"2026-05-04 18:00\"")]
+    Timetable {
+        /// What to change
+        change: TimetableChange,
+        /// With `pause`: its end, in the service's time zone
+        #[arg(required_if_eq("change", "pause"))]
+        until: Option<String>,
+        #[command(flatten)]
+        which: WhichArgs,
+    },
 }
 
 #[derive(Debug, Clone, clap::Args)]
@@ -77,6 +92,11 @@ pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Res
         BehaviourCommand::List { json, names, which } => {
             return list(*json, *names, &which.client(settings)?);
         }
+        BehaviourCommand::Timetable {
+            change,
+            until,
+            which,
+        } => return change_timetable(*change, until.clone(), &which.client(settings)?, settings),
         BehaviourCommand::Start { lasts, name } => (name, Change::Start, *lasts),
         BehaviourCommand::Stop(args) => (args, Change::Stop, None),
         BehaviourCommand::Restart(args) => (args, Change::Restart, None),
@@ -98,6 +118,25 @@ pub(super) fn run(command: &BehaviourCommand, settings: &CommandSettings) -> Res
     };
     print(&format!("{} {done}\n", args.name))?;
     Ok(exit)
+}
+
+fn change_timetable(
+    change: TimetableChange,
+    until: Option<String>,
+    run: &Client,
+    settings: &CommandSettings,
+) -> Result<Exit, Failure> {
+    let request = RunRequest::Timetable {
+        change,
+        until,
+        start: None,
+    };
+    order(run, &request, CHANGE_TIMEOUT)?;
+    let RunResponse::Status(status) = ask(run, &RunRequest::Status, CHANGE_TIMEOUT)? else {
+        return Err(unexpected_reply());
+    };
+    let next = next_start(&status, &settings.config()?.zone());
+    print(&format!("next start: {next}\n"))
 }
 
 fn list(json: bool, only_names: bool, run: &Client) -> Result<Exit, Failure> {

@@ -14,6 +14,7 @@ use super::usable::check_config;
 use super::{Console, Exit, Failure, argument, notify, print, print_json};
 use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
+use crate::service::RecordFile;
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
 #[derive(Debug, Clone, Subcommand)]
@@ -96,8 +97,8 @@ fn line(setting: &Setting, origin: bool) -> String {
 
 /// List the coming starts of the timetable, and those that will not happen and why
 ///
-/// Reads only the config: it does not know whether the robot will be in reach or what people will
-/// start in the meantime.
+/// Reads the config and the pause or the start to leave out that people have ordered: it does not know
+/// whether the robot will be in reach or what people will start in the meantime.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee config schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
@@ -121,7 +122,9 @@ fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Fai
         Some(date) => date.at(&config.zone()),
         None => Clock::default().now(),
     };
-    let starts = predict_starts(&table, &names(config), now, usize::from(args.next));
+    let hold = RecordFile::hold(config.data_folder());
+    let count = usize::from(args.next);
+    let starts = predict_starts(&table, &hold, &names(config), now, count);
     if args.json {
         let starts: Vec<Json> = starts.iter().map(|one| object(one, &table.zone)).collect();
         return print_json(&starts);
@@ -134,6 +137,10 @@ fn schedule(args: &ScheduleArgs, settings: &CommandSettings) -> Result<Exit, Fai
             Some(file) => format!("{} has no `schedule:`\n", file.display()),
             None => "no config named, no spykee.yaml here: there is no `schedule:`\n".to_owned(),
         });
+    }
+    if let Some(until) = hold.paused.filter(|until| now < *until) {
+        let until = clock::describe(&table.zone.time(until));
+        print(&format!("a person has paused it until {until}\n"))?;
     }
     let rows = starts.iter().map(|one| row(one, &table.zone));
     print(&aligned("WHEN|BEHAVIOUR|UNTIL|", rows))?;
@@ -164,6 +171,7 @@ fn describe(reason: Reason) -> &'static str {
         Reason::Quiet => "quiet hours: no sounds, no headlight",
         Reason::Overlap => "will not start: it still runs then",
         Reason::Unknown => "will not start: the config has no such behaviour",
+        Reason::Skipped => "will not start: a person has it left out",
     }
 }
 
@@ -173,6 +181,7 @@ fn object(one: &PredictedStart, zone: &Zone) -> Json {
     json!({
         "at": time(one.at), "run": one.run, "until": one.until.map(time), "starts": one.happens(),
         "quiet": has(Reason::Quiet), "overlap": has(Reason::Overlap), "unknown": has(Reason::Unknown),
+        "skipped": has(Reason::Skipped),
     })
 }
 

@@ -93,7 +93,8 @@ enum Topic {
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// Watchdog actions, STOP, behaviours that were given up, missed starts, events that were lost
+    /// Watchdog actions, STOP, behaviours that were given up, missed starts, changes of the timetable,
+    /// events that were lost
     Alarms,
     /// Behaviours: start, end, and how they ended
     Runs,
@@ -118,6 +119,7 @@ impl Topic {
                 "start_missed",
                 "stop_engaged",
                 "stop_reset",
+                "timetable_changed",
                 "lost",
             ],
             Topic::Runs => &["started", "ended"],
@@ -362,13 +364,27 @@ fn describe(one: &Record) -> String {
         }
         "given_up" => format!("{}: {}", text("behaviour"), text("message")),
         "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
-        "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
-        "stop_reset" => format!("a person has released the robot: {}", text("by")),
+        "standstill" | "stop_engaged" | "stop_reset" | "timetable_changed" => why_it_stands(one),
         "picture" => text("path").to_owned(),
         "entry" => format!("{}: {} {}", text("behaviour"), text("kind"), fields(one)),
         "notify" => format!("{}: {}", text("behaviour"), text("text")),
         "lost" => format!("{} events could not be written", whole("count")),
         _ => String::new(),
+    }
+}
+
+fn why_it_stands(one: &Record) -> String {
+    let by = one.text("by");
+    match one.kind() {
+        "stop_engaged" => format!("a person has stopped the robot: {by}"),
+        "stop_reset" => format!("a person has released the robot: {by}"),
+        "timetable_changed" => format!("{}: {by}", one.text("text")),
+        _ => format!(
+            "the robot has stood for {:.0} min while {} runs: {}",
+            one.number("seconds").unwrap_or(0.0) / 60.0,
+            one.text("behaviour"),
+            one.text("reason")
+        ),
     }
 }
 

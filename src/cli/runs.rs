@@ -70,15 +70,22 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
         ),
         clock::hours(Duration::from_secs(run.running)),
         run.process.to_string(),
-        run.next.as_ref().map_or_else(
-            || "-".to_owned(),
-            |next| {
-                let at = clock::describe(&zone.time(next.at));
-                format!("{} {at}", next.behaviour)
-            },
-        ),
+        next_start(run, zone),
         behaviours.collect::<Vec<_>>().join(" "),
     ]
+}
+
+/// The timetable's next start, and until when it is paused.
+pub(super) fn next_start(run: &RunStatus, zone: &Zone) -> String {
+    let next = run.next.as_ref().map(|next| next.describe(zone));
+    let next = next.unwrap_or_else(|| "-".to_owned());
+    match run.paused {
+        Some(until) => format!(
+            "{next} (paused until {})",
+            clock::describe(&zone.time(until))
+        ),
+        None => next,
+    }
 }
 
 /// Describes the battery, for people.

@@ -155,6 +155,7 @@ async fn serve(
         bus: started.bus,
         view: started.view,
         reloads,
+        changes: started.changes,
     };
     if loader.fast {
         return exit_of(service.run(started.stop).await, true);

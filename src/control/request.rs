@@ -3,6 +3,7 @@
 
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{Method, Request};
+use jiff::Timestamp;
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,7 @@ use crate::agent::Change;
 use crate::clock::Span;
 use crate::http::Role;
 use crate::robot::{ParamValue, Percent};
+use crate::timetable::TimetableChange;
 use crate::wire::{Led, Sound};
 
 /// Maximum length of speech in one request, in bytes: half a minute of s16, mono, 16 kHz.
@@ -99,6 +101,18 @@ pub enum RunRequest {
         /// Its new value.
         value: ParamValue,
     },
+    /// Leave out the next start of the timetable, or start nothing until a time. What is changed holds
+    /// also after a restart of the service. What people start is started all the same.
+    Timetable {
+        /// `skip` or `unskip` the next start; `pause` or `resume` the timetable.
+        change: TimetableChange,
+        /// With `pause`: the end of it, such as `2026-05-04T16:00:00Z`, or in the service's time zone
+        /// `2026-05-04 18:00`.
+        until: Option<String>,
+        /// With `skip`: the start that is meant, as in `next`; refused if another one is the next.
+        #[schemars(with = "Option<String>", extend("format" = "date-time"))]
+        start: Option<Timestamp>,
+    },
     /// Change the simulated world.
     Sim {
         /// The change.
@@ -119,7 +133,7 @@ pub(super) struct Route {
 }
 
 /// The requests over HTTP.
-pub(super) const ROUTES: [Route; 15] = [
+pub(super) const ROUTES: [Route; 16] = [
     Route::get("status", "status"),
     Route::get("behaviours", "behaviours"),
     Route::get("picture", "picture"),
@@ -139,6 +153,7 @@ pub(super) const ROUTES: [Route; 15] = [
     Route::post("say", "done"),
     Route::post("behaviour", "done"),
     Route::post("param", "done"),
+    Route::post("timetable", "done"),
     Route::post("sim", "done"),
 ];
 
@@ -288,6 +303,11 @@ mod tests {
                 name: name(),
                 param: "speed".to_owned(),
                 value: ParamValue::Number(3.0),
+            },
+            RunRequest::Timetable {
+                change: TimetableChange::Pause,
+                until: Some("2026-05-04 18:00".to_owned()),
+                start: None,
             },
             RunRequest::Sim {
                 change: WorldChange::Step,

@@ -4,6 +4,7 @@
 use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::Duration;
 
+use jiff::Timestamp;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
@@ -22,7 +23,7 @@ use crate::robot::{
     BehaviourId, DockPlan, Intent, Pictures, Priority, STOP_HOLDS, StopConfirmation, StopOutcome,
     Streams, Use, WatchdogState,
 };
-use crate::timetable::View;
+use crate::timetable::{TimetableChange, TimetableOrder, View};
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
@@ -73,6 +74,8 @@ pub struct Run {
     pub began: Instant,
     /// The next start of the timetable, and whether it is a quiet hour.
     pub view: watch::Receiver<View>,
+    /// Where the timetable is changed; closed in a run without one.
+    pub timetable: mpsc::Sender<TimetableOrder>,
     /// Its simulated robot, if it can be changed.
     pub sim: Option<SimulatedRobot>,
     /// Times from a frame to a track command.
@@ -98,6 +101,11 @@ impl Run {
             RunRequest::Param { name, param, value } => {
                 RunResponse::from_result(self.roster.change_param(&name, &param, value))
             }
+            RunRequest::Timetable {
+                change,
+                until,
+                start,
+            } => self.change_timetable(change, until, start, by).await,
             RunRequest::Sim { change } => match &self.sim {
                 Some(sim) => RunResponse::from_result(change.apply(sim)),
                 None => RunResponse::refused("this robot is not simulated"),
@@ -205,6 +213,7 @@ impl Run {
             | RunRequest::ResetStop
             | RunRequest::Behaviour { .. }
             | RunRequest::Param { .. }
+            | RunRequest::Timetable { .. }
             | RunRequest::Sim { .. } => return Ok(RunResponse::Done),
         };
         client.send_intent(intent).await?;
@@ -237,6 +246,28 @@ impl Run {
             return RunResponse::refused(why);
         }
         RunResponse::from_result(self.roster.change(change, name, lasts, by).await)
+    }
+
+    async fn change_timetable(
+        &self,
+        change: TimetableChange,
+        until: Option<String>,
+        start: Option<Timestamp>,
+        by: &str,
+    ) -> RunResponse {
+        let (answer, answered) = oneshot::channel();
+        let order = TimetableOrder {
+            change,
+            until,
+            start,
+            by: by.to_owned(),
+            answer,
+        };
+        if self.timetable.send(order).await.is_err() {
+            return RunResponse::refused("only a service has a timetable");
+        }
+        let ending = || Err("the run is ending".to_owned());
+        RunResponse::from_result(answered.await.unwrap_or_else(|_| ending()))
     }
 
     /// Engages or releases STOP, also if the one who asked no longer waits. A single run ends after
@@ -425,6 +456,7 @@ impl Run {
             robot: running.robot,
             behaviours: running.behaviours,
             next: view.next.clone(),
+            paused: view.hold.paused,
             quiet: view.quiet,
         }
     }

@@ -1,6 +1,7 @@
 //! The state of a run: the output of `spykee status --json`, the answer of `/api/status`, and what
 //! the page shows.
 
+use jiff::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +62,9 @@ pub struct RunStatus {
     pub behaviours: Vec<RunningBehaviour>,
     /// The next start of the timetable, if there is one.
     pub next: Option<NextStart>,
+    /// Until when the timetable starts nothing, if a person has paused it: UTC, in RFC 3339 format.
+    #[schemars(with = "Option<String>", extend("format" = "date-time"))]
+    pub paused: Option<Timestamp>,
     /// Whether it is a quiet hour.
     pub quiet: bool,
 }

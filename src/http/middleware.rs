@@ -35,6 +35,8 @@ pub(super) const COOKIE: &str = "spykee_token";
 const STOP: &str = "/api/stop";
 /// Path of the camera's pictures for tools, whose address may contain a token.
 pub const CAMERA: &str = "/api/camera.mjpeg";
+/// The path of one picture.
+const PICTURE: &str = "/api/picture";
 /// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
@@ -124,14 +126,19 @@ fn admit(
     request: &Request<Body>,
 ) -> Result<Option<Visitor>, Refusal> {
     let headers = request.headers();
+    let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
+    let linked = token_in_address(request.uri());
+    let token = token.or(linked);
     let upgrade = headers.contains_key(header::UPGRADE);
+    // These switch the camera on. Another site's page knows no token.
+    let looks = token.is_none() && [CAMERA, PICTURE].contains(&request.uri().path());
     let origin_headers = OriginHeaders {
         host: only(headers, &header::HOST),
         origin: headers
             .get(header::ORIGIN)
             .map(|origin| origin.to_str().unwrap_or_default()),
         site: only(headers, &HeaderName::from_static("sec-fetch-site")),
-        changes_state: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
+        changes_state: upgrade || looks || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
     access
         .names
@@ -140,9 +147,7 @@ fn admit(
             Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),
             Reason::Origin => Refusal::new(StatusCode::FORBIDDEN, reason.to_string()),
         })?;
-    let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
-    let linked = token_in_address(request.uri());
-    match token.or(linked) {
+    match token {
         Some(token) => match access.visitor_of_token(token, from.ip()) {
             Some(visitor) if linked.is_some() && visitor.role != Role::Viewer => {
                 let why =

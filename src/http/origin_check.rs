@@ -15,7 +15,7 @@ pub(super) struct OriginHeaders<'a> {
     pub origin: Option<&'a str>,
     /// Its `Sec-Fetch-Site`, if it has one.
     pub site: Option<&'a str>,
-    /// Whether it is more than a GET or HEAD request, or opens a WebSocket.
+    /// Whether it is more than a GET or HEAD request, opens a WebSocket, or switches the camera on.
     pub changes_state: bool,
 }
 

@@ -258,7 +258,8 @@ async fn schedule(
         .iter()
         .map(|one| one.name.clone())
         .collect();
-    let starts = |(table, clock): &(_, _)| history::starts(table, &names, *clock);
+    let hold = broadcast.run.view.borrow().hold.clone();
+    let starts = |(table, clock): &(_, _)| history::starts(table, &hold, &names, *clock);
     Json(definition.timetable.as_ref().map(starts))
 }
 
@@ -344,7 +345,7 @@ mod tests {
     fn every_request_is_described_with_its_fields_and_its_answer() {
         let document = openapi();
         let paths = document["paths"].as_object().unwrap();
-        assert_eq!(paths.len(), 24);
+        assert_eq!(paths.len(), 25);
         for (path, methods) in paths {
             for operation in methods.as_object().unwrap().values() {
                 let summary = operation["summary"].as_str().unwrap_or_default();

@@ -13,7 +13,7 @@ use crate::clock::{self, Clock};
 use crate::files::Folder;
 use crate::journal::{JournalError, JournalReader, Record, Span};
 use crate::script::picture_name;
-use crate::timetable::{Reason, Timetable, predict_starts};
+use crate::timetable::{Hold, Reason, Timetable, predict_starts};
 use crate::vision::validate_markers;
 
 /// Number of parts of a period for its plot, however long it is; each is five minutes of a day.
@@ -30,14 +30,16 @@ const MAX_PICTURE: u64 = 4 << 20;
 /// Maximum number of records that a gallery is made of: the newest.
 const GALLERY: u32 = 4000;
 /// The kinds of events shown; pictures are in the gallery.
-const KINDS: [&str; 11] = [
+const KINDS: [&str; 13] = [
     "dock",
     "undock",
     "safety",
     "given_up",
     "start_missed",
+    "standstill",
     "stop_engaged",
     "stop_reset",
+    "timetable_changed",
     "started",
     "ended",
     "notify",
@@ -98,7 +100,7 @@ pub(super) struct HistoryEvent {
     /// The time, in milliseconds since 1970.
     pub at: i64,
     /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `notify`, `lost`,
-    /// `stop_engaged`, or `stop_reset`.
+    /// `stop_engaged`, `stop_reset`, `timetable_changed`, or `standstill`.
     pub kind: String,
     /// The behaviour, if it is an event of one.
     pub behaviour: String,
@@ -117,7 +119,7 @@ pub(super) struct ScheduledStart {
     pub run: String,
     /// When it is ended, if it has not ended on its own.
     pub until: Option<String>,
-    /// `quiet`, `overlap` or `unknown`.
+    /// `quiet`, `overlap`, `unknown` or `skipped`.
     pub notes: Vec<Reason>,
 }
 
@@ -267,13 +269,18 @@ fn event(record: &Record) -> HistoryEvent {
         texts.into_iter().find(|text| !text.is_empty())
     };
     let code = first(&["end", "action", "reason"]).unwrap_or_default();
-    let text = first(&["message", "text", "by"]).unwrap_or_default();
+    let text = match record.kind() {
+        "timetable_changed" => format!("{} ({})", record.text("text"), record.text("by")),
+        _ => first(&["message", "text", "by"])
+            .unwrap_or_default()
+            .to_owned(),
+    };
     HistoryEvent {
         at: record.at.as_millisecond(),
         kind: record.kind().to_owned(),
         behaviour: record.text("behaviour").to_owned(),
         code: code.to_owned(),
-        text: text.to_owned(),
+        text,
     }
 }
 
@@ -388,9 +395,14 @@ pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8
     validate_markers(&bytes).ok().map(|_| bytes)
 }
 
-pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<ScheduledStart> {
+pub(super) fn starts(
+    table: &Timetable,
+    hold: &Hold,
+    known: &[String],
+    clock: Clock,
+) -> Vec<ScheduledStart> {
     let words = |at: Timestamp| clock::describe(&table.zone.time(at));
-    let starts = predict_starts(table, known, clock.now(), STARTS);
+    let starts = predict_starts(table, hold, known, clock.now(), STARTS);
     starts
         .into_iter()
         .map(|one| ScheduledStart {

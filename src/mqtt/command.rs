@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::Change;
 use crate::control::{RunRequest, RunResponse};
+use crate::timetable::TimetableChange;
 use crate::wire::Sound;
 
 /// Maximum length of a command, in bytes.
@@ -44,8 +45,16 @@ impl BrokerCommand {
             change: Change::Start,
             lasts: None,
         };
+        let timetable = |change, until: Option<&str>| RunRequest::Timetable {
+            change,
+            until: until.map(str::to_owned),
+            start: None,
+        };
         Ok(match self.command.as_str() {
             "start" => start(chosen),
+            "skip" => timetable(TimetableChange::Skip, None),
+            "unskip" => timetable(TimetableChange::Unskip, None),
+            "resume" => timetable(TimetableChange::Resume, None),
             "stop" => RunRequest::Stop,
             "reset_stop" => RunRequest::ResetStop,
             "return_to_base" | "dock" => RunRequest::Dock {
@@ -57,12 +66,17 @@ impl BrokerCommand {
                 sound: Sound::Laser,
             },
             "snapshot" => RunRequest::Picture { seconds: None },
-            other => match other.strip_prefix("run ").map(str::trim) {
-                Some(name) if !name.is_empty() => start(name),
+            other => match other
+                .split_once(' ')
+                .map(|(word, rest)| (word, rest.trim()))
+            {
+                Some(("run", name)) if !name.is_empty() => start(name),
+                Some(("pause", until)) => timetable(TimetableChange::Pause, Some(until)),
                 _ => {
                     return Err(format!(
                         "`{other}` is not a command; the commands are start, stop, reset_stop, \
-                         return_to_base, dock, undock, locate, snapshot and run NAME"
+                         return_to_base, dock, undock, locate, snapshot, run NAME, skip, unskip, \
+                         pause TIME and resume"
                     ));
                 }
             },
@@ -121,6 +135,12 @@ mod tests {
         assert_eq!(request(" stop\n"), RunRequest::Stop);
         assert_eq!(request("return_to_base"), request("dock"));
         assert_eq!(request("start"), request("run guard"));
+        let pause = RunRequest::Timetable {
+            change: TimetableChange::Pause,
+            until: Some("2026-05-04 18:00".to_owned()),
+            start: None,
+        };
+        assert_eq!(request("pause 2026-05-04 18:00"), pause);
         let command = parse("run patrol");
         assert_eq!(command.id, None);
         let numbered = parse(r#"{"command": " run patrol ", "id": "7"}"#);

@@ -9,7 +9,7 @@ use crate::robot::RobotInfo;
 
 /// The event types of the event entity. Battery and watchdog are in the state, and a patrol saves two
 /// thousand pictures a day.
-pub(super) const EVENTS: [&str; 13] = [
+pub(super) const EVENTS: [&str; 14] = [
     "link_up",
     "link_down",
     "safety",
@@ -21,6 +21,7 @@ pub(super) const EVENTS: [&str; 13] = [
     "start_missed",
     "stop_engaged",
     "stop_reset",
+    "timetable_changed",
     "entry",
     "notify",
 ];
@@ -62,6 +63,7 @@ type Entity = (&'static str, &'static str, Value, Value);
 fn components(topics: &Topics, behaviours: &[String]) -> Value {
     let mut entities = robot(topics);
     entities.extend(sensors(topics));
+    entities.extend(timetable(topics));
     entities.extend(buttons(topics));
     if !behaviours.is_empty() {
         let select = json!({
@@ -124,15 +126,44 @@ fn sensors(topics: &Topics) -> Vec<Entity> {
     problem["json_attributes_template"] =
         "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
             .into();
-    let mut next = sensor("timestamp", "{{ value_json.next }}");
-    next["json_attributes_topic"] = state.clone().into();
-    next["json_attributes_template"] =
-        "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
     vec![
         ("sensor", "battery", "Battery".into(), battery),
         ("binary_sensor", "charging", "Charging".into(), charging),
         ("binary_sensor", "problem", "Problem".into(), problem),
+    ]
+}
+
+fn timetable(topics: &Topics) -> Vec<Entity> {
+    let state = topics.named("state");
+    let command = topics.named("command");
+    let next = json!({
+        "device_class": "timestamp",
+        "state_topic": state,
+        "value_template": "{{ value_json.next }}",
+        "entity_category": "diagnostic",
+        "json_attributes_topic": state,
+        "json_attributes_template": "{{ {'behaviour': value_json.next_behaviour} | tojson }}",
+    });
+    let skip = json!({
+        "state_topic": state,
+        "value_template": "{{ 'skip' if value_json.next_skipped else 'unskip' }}",
+        "command_topic": command,
+        "payload_on": "skip",
+        "payload_off": "unskip",
+        "icon": "mdi:debug-step-over",
+    });
+    let pause = json!({
+        "state_topic": state,
+        "value_template": "{{ value_json.paused or '' }}",
+        "command_topic": command,
+        "command_template": "pause {{ value }}",
+        "max": 40,
+        "icon": "mdi:calendar-remove",
+    });
+    vec![
         ("sensor", "next", "Next start".into(), next),
+        ("switch", "skip", "Leave out the next start".into(), skip),
+        ("text", "pause", "Timetable paused until".into(), pause),
     ]
 }
 
@@ -143,6 +174,7 @@ fn buttons(topics: &Topics) -> Vec<Entity> {
         ("stop", "Stop", "mdi:stop"),
         ("reset_stop", "Release STOP", "mdi:lock-open-variant"),
         ("snapshot", "Take a picture", "mdi:camera"),
+        ("resume", "Resume the timetable", "mdi:calendar-check"),
     ]
     .map(|(payload, name, icon)| {
         let button = json!({

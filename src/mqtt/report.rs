@@ -163,6 +163,8 @@ impl Report {
             "behaviour": self.chosen(statuses, &view.always),
             "next": next.map(|next| next.at.to_string()),
             "next_behaviour": next.map(|next| &next.behaviour),
+            "next_skipped": next.is_some_and(|next| next.skipped),
+            "paused": view.hold.paused,
         })
     }
 }
@@ -361,12 +363,15 @@ mod tests {
             next: Some(NextStart {
                 at: jiff::Timestamp::from_second(1_790_000_000).unwrap(),
                 behaviour: "patrol".to_owned(),
+                skipped: true,
             }),
             ..View::default()
         };
         let state = Report::default().state(&Status::default(), &[], &view);
         assert_eq!(state["next"], "2026-09-21T14:13:20Z");
         assert_eq!(state["next_behaviour"], "patrol");
+        assert_eq!(state["next_skipped"], true);
+        assert_eq!(state["paused"], Value::Null);
         let state = Report::default().state(&Status::default(), &[], &View::default());
         assert_eq!(state["next"], Value::Null);
     }

@@ -107,12 +107,26 @@ pub enum AgentEvent {
         behaviour: String,
         reason: String,
     },
+    /// The robot stands although a behaviour runs that drives.
+    Standstill {
+        /// What runs.
+        behaviour: String,
+        reason: String,
+        /// How long it has stood so far.
+        seconds: f64,
+    },
     /// A person has pressed STOP: the robot stands until a person releases it.
     StopEngaged {
         by: String,
     },
     StopReset {
         by: String,
+    },
+    /// A person has changed the timetable until further notice.
+    TimetableChanged {
+        by: String,
+        /// What is different now.
+        text: String,
     },
     Picture {
         behaviour: String,
@@ -149,8 +163,10 @@ impl AgentEvent {
             AgentEvent::Ended { .. } => "ended",
             AgentEvent::GivenUp { .. } => "given_up",
             AgentEvent::StartMissed { .. } => "start_missed",
+            AgentEvent::Standstill { .. } => "standstill",
             AgentEvent::StopEngaged { .. } => "stop_engaged",
             AgentEvent::StopReset { .. } => "stop_reset",
+            AgentEvent::TimetableChanged { .. } => "timetable_changed",
             AgentEvent::Picture { .. } => "picture",
             AgentEvent::Entry { .. } => "entry",
             AgentEvent::Notify { .. } => "notify",
@@ -307,7 +323,16 @@ mod tests {
                 reason: text(),
             },
             AgentEvent::StopEngaged { by: text() },
+            AgentEvent::Standstill {
+                behaviour: behaviour.clone(),
+                reason: text(),
+                seconds: 300.0,
+            },
             AgentEvent::StopReset { by: text() },
+            AgentEvent::TimetableChanged {
+                by: text(),
+                text: text(),
+            },
             AgentEvent::Picture {
                 behaviour: behaviour.clone(),
                 path: "data/patrol/1.jpg".into(),

@@ -44,6 +44,9 @@ pub struct Options {
     /// Whether the script keeps running when nothing is left to do, because a person types what
     /// comes next.
     pub interactive: bool,
+    /// How many bytes of pictures may be saved at once now, if not the whole that the limits permit: an
+    /// earlier host has saved some.
+    pub bytes_left: Option<u64>,
     /// The folder where the host saves marked copies of the frames that the script examined; `None`
     /// to save none.
     pub annotate_dir: Option<PathBuf>,

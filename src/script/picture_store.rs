@@ -90,6 +90,12 @@ impl PictureStore {
         }
     }
 
+    /// Of the day's bytes, only so many may be saved at once now.
+    pub(super) fn with_left(mut self, left: Option<u64>) -> PictureStore {
+        self.day = self.day.with_left(left);
+        self
+    }
+
     /// Saves a picture, replacing one of the same name; deletes the oldest pictures if needed.
     pub(super) fn save(
         &mut self,

@@ -114,7 +114,8 @@ impl State {
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {
-        let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
+        let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits)
+            .with_left(options.bytes_left);
         let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let frames = FrameState::new(&options);

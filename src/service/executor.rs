@@ -14,6 +14,7 @@ use tracing::{error, info, warn};
 
 use super::idle::{Activity, IdleAction, IdleRobot};
 use super::record::is_news;
+use super::standstill::{LONG, Standstill};
 use super::{ManagerNotifier, RecordFile, ServicePlan, View};
 use crate::agent::{
     AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, Change, PilotClient,
@@ -24,7 +25,7 @@ use crate::control;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockOutcome, DockPlan, Priority, STOP_HOLDS};
-use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record};
+use crate::timetable::{Act, Due, NextStart, Planner, PlannerInputs, Record, TimetableOrder};
 
 /// Who ends and restarts what a new config changes.
 const READ_AGAIN: &str = "the config was read again";
@@ -60,6 +61,7 @@ pub(super) struct Executor {
     implausible: bool,
     /// Whether a person's STOP holds.
     stopped: bool,
+    standstill: Standstill,
 }
 
 impl Executor {
@@ -95,6 +97,7 @@ impl Executor {
             last_status: String::new(),
             implausible: false,
             stopped: false,
+            standstill: Standstill::default(),
         }
     }
 
@@ -103,6 +106,7 @@ impl Executor {
     pub(super) async fn work(
         &mut self,
         mut reloads: mpsc::Receiver<ServicePlan>,
+        mut changes: mpsc::Receiver<TimetableOrder>,
         stop: CancellationToken,
     ) -> Infallible {
         self.notifier.ready();
@@ -113,6 +117,7 @@ impl Executor {
                 () = stop.cancelled() => std::future::pending().await,
                 Some(result) = self.orders.next() => self.handle_result(result),
                 Some(service_plan) = reloads.recv() => self.reload(service_plan).await,
+                Some(order) = changes.recv() => self.change_timetable(order),
                 Ok(()) = self.statuses.changed() => {}
                 Ok(()) = self.status.changed() => {}
                 () = sleep(pause) => {}
@@ -149,9 +154,9 @@ impl Executor {
         }
         self.check_clock(now);
         self.owes_return &= !status.docked;
-        let is_permanent = |name: &String| self.service_plan.always.contains(name);
+        self.report_standstill(&status, at);
         let waits_for_runs = if self.owes_return {
-            !self.running.iter().all(is_permanent)
+            !self.runs_only_permanent()
         } else {
             !self.running.is_empty()
         };
@@ -170,6 +175,24 @@ impl Executor {
         let idle = self.idle.next_deadline().filter(|next| *next > at);
         let idle = idle.map_or(LONGEST, |next| next - at);
         self.planner.pause(now, at).min(idle).min(LONGEST)
+    }
+
+    fn runs_only_permanent(&self) -> bool {
+        let always = &self.service_plan.always;
+        self.running.iter().all(|name| always.contains(name))
+    }
+
+    fn report_standstill(&mut self, status: &Status, at: Instant) {
+        let expected = !self.runs_only_permanent();
+        let reason = self.standstill.poll(status, &self.running, expected, at);
+        if let Some(reason) = reason {
+            let running: Vec<&str> = self.running.iter().map(String::as_str).collect();
+            self.bus.publish(AgentEvent::Standstill {
+                behaviour: running.join(", "),
+                reason,
+                seconds: LONG.as_secs_f64(),
+            });
+        }
     }
 
     /// Updates the behaviours that are not idle, and informs the planner of those that have ended.
@@ -388,6 +411,31 @@ impl Executor {
         info!("the new settings are in effect");
     }
 
+    /// Changes what a person asks for, and answers when the disk has it.
+    fn change_timetable(&mut self, order: TimetableOrder) {
+        let changed = self.planner.change(&order, self.clock.now());
+        let text = match changed {
+            Ok(Some(text)) => text,
+            unchanged => {
+                let done = unchanged.map(|_| ()).map_err(|why| why.to_string());
+                // Who has asked may no longer wait.
+                let _ = order.answer.send(done);
+                return;
+            }
+        };
+        self.bus
+            .publish(AgentEvent::TimetableChanged { by: order.by, text });
+        // Publishes and records it.
+        self.step();
+        let kept = self.file.kept();
+        tokio::spawn(async move {
+            let kept = kept
+                .await
+                .map_err(|why| format!("it is changed, but only until this program ends: {why}"));
+            let _ = order.answer.send(kept);
+        });
+    }
+
     /// Writes the record when something starts or ends, and every hour; not at each poll.
     fn save_record(&mut self) {
         let record = self.planner.record();
@@ -404,11 +452,8 @@ impl Executor {
             None
         };
         let view = View {
-            next: next.map(|(at, run)| NextStart {
-                // Whole seconds.
-                at: Timestamp::from_second(at.as_second()).unwrap_or(at),
-                behaviour: run.to_owned(),
-            }),
+            next: next.clone(),
+            hold: self.planner.hold().clone(),
             quiet: self.quiet != Quiet::Off,
             always: self.service_plan.always.clone(),
         };
@@ -535,7 +580,7 @@ fn log_homing(ended: &Result<DockOutcome, PilotClientError>) -> bool {
 fn status_line<'a>(
     status: &Status,
     running: impl Iterator<Item = &'a str>,
-    next: Option<(Timestamp, &str)>,
+    next: Option<NextStart>,
     zone: &Zone,
 ) -> String {
     let robot = control::describe(status);
@@ -545,7 +590,7 @@ fn status_line<'a>(
     } else {
         running.join(", ")
     };
-    let next = next.map(|(at, run)| format!("; next {run} {}", clock::describe(&zone.time(at))));
+    let next = next.map(|next| format!("; next {}", next.describe(zone)));
     format!("{robot}; {running}{}", next.unwrap_or_default())
 }
 
@@ -560,7 +605,7 @@ mod tests {
     use crate::agent::{BusMessage, Listener};
     use crate::config;
     use crate::robot::{BehaviourId, Priority};
-    use crate::timetable::{Rule, Timetable};
+    use crate::timetable::{Hold, Rule, Timetable, TimetableChange};
 
     type Reply = oneshot::Sender<Result<(), RosterError>>;
 
@@ -574,11 +619,17 @@ mod tests {
         statuses: watch::Sender<Vec<BehaviourStatus>>,
         orders: mpsc::UnboundedReceiver<(String, Reply)>,
         heard: Listener,
+        changes: mpsc::Sender<TimetableOrder>,
+        view: watch::Receiver<View>,
     }
 
     impl ServiceFixture {
         /// The executor of a timetable that starts `go` now, for 20 s.
         fn new() -> (ServiceFixture, impl Future<Output = Infallible>) {
+            ServiceFixture::with_record(RecordFile::default())
+        }
+
+        fn with_record(record: RecordFile) -> (ServiceFixture, impl Future<Output = Infallible>) {
             clock::begin_virtual(Some("2026-05-04T09:00:00Z".parse().unwrap()));
             let table = Timetable {
                 rules: vec![Rule {
@@ -604,6 +655,8 @@ mod tests {
             let bus = Bus::default();
             let statuses = watch::Sender::new(Vec::new());
             let (roster, orders) = Roster::fake(statuses.subscribe());
+            let (sender, changes) = mpsc::channel(1);
+            let (view, seen) = View::channel();
             let fixture = ServiceFixture {
                 roster: roster.clone(),
                 status: watch::Sender::new(Status {
@@ -613,22 +666,25 @@ mod tests {
                 statuses,
                 orders,
                 heard: bus.subscribe(),
+                changes: sender,
+                view: seen,
             };
             let mut executor = Executor {
                 bus,
+                view,
                 ..Executor::new(
                     roster,
                     mpsc::channel(8).0,
                     fixture.status.subscribe(),
                     Clock::default(),
                     service_plan,
-                    RecordFile::default(),
+                    record,
                 )
             };
             // Nobody reloads.
             let work = async move {
                 executor
-                    .work(mpsc::channel(1).1, CancellationToken::new())
+                    .work(mpsc::channel(1).1, changes, CancellationToken::new())
                     .await
             };
             (fixture, work)
@@ -734,6 +790,79 @@ mod tests {
         };
         beside(work, story).await;
         assert!(fixture.orders.is_empty(), "it was started");
+    }
+
+    /// Sends a change of the timetable, and returns its answer.
+    async fn change(
+        changes: &mpsc::Sender<TimetableOrder>,
+        change: TimetableChange,
+        until: Option<&str>,
+    ) -> Result<(), String> {
+        let (answer, answered) = oneshot::channel();
+        let order = TimetableOrder {
+            change,
+            until: until.map(str::to_owned),
+            start: None,
+            by: "a person".to_owned(),
+            answer,
+        };
+        changes.send(order).await.unwrap();
+        answered.await.unwrap()
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_paused_timetable_starts_nothing_and_the_journal_knows_who() {
+        let data = tempfile::tempdir().unwrap();
+        let record = RecordFile::open_in_simulation(data.path());
+        let (mut fixture, work) = ServiceFixture::with_record(record);
+        let changes = fixture.changes.clone();
+        let story = async {
+            let started = fixture.order("Change(Start, \"go\"").await;
+            fixture.runs(started);
+            let stopped = fixture.order("Change(Stop, \"go\"").await;
+            fixture.shows(BehaviourState::Idle);
+            let _ = stopped.send(Ok(()));
+            let pause = TimetableChange::Pause;
+            let refused = change(&changes, pause, Some("2026-05-04 09:00")).await;
+            assert!(refused.unwrap_err().contains("is over"));
+            let done = change(&changes, pause, Some("2026-05-05 09:30")).await;
+            assert_eq!(done, Ok(()));
+            let hold = RecordFile::hold(data.path());
+            assert_eq!(
+                fixture.view.borrow().hold,
+                hold,
+                "it is kept before the answer"
+            );
+            assert!(hold.paused.is_some());
+            sleep(Duration::from_secs(25 * 3600)).await;
+        };
+        beside(work, story).await;
+        assert!(fixture.orders.is_empty(), "it was started");
+        assert_eq!(fixture.view.borrow().hold, Hold::default(), "it is over");
+        let heard = std::iter::from_fn(|| fixture.heard.try_next());
+        let events: Vec<AgentEvent> = heard
+            .take(100)
+            .filter_map(|one| match one {
+                BusMessage::Event(one) => Some(one.what.clone()),
+                _ => None,
+            })
+            .collect();
+        let by = "a person".to_owned();
+        let text = "nothing starts until Tue 2026-05-05 09:30".to_owned();
+        assert_eq!(events, [AgentEvent::TimetableChanged { by, text }]);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_change_that_the_disk_does_not_take_is_told() {
+        let home = tempfile::tempdir().unwrap();
+        let data = home.path().join("data");
+        std::fs::write(&data, "a file in the place of the folder").unwrap();
+        let record = RecordFile::open(&data);
+        let (fixture, work) = ServiceFixture::with_record(record);
+        let changes = fixture.changes.clone();
+        let story = change(&changes, TimetableChange::Skip, None);
+        let answer = beside(work, story).await.unwrap_err();
+        assert!(answer.contains("only until this program ends"), "{answer}");
     }
 
     #[tokio::test(start_paused = true)]

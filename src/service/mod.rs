@@ -6,6 +6,7 @@ mod executor;
 mod idle;
 mod manager_notifier;
 mod record;
+mod standstill;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ use crate::clock::{Clock, is_plausible};
 use crate::config;
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
-use crate::timetable::Timetable;
+use crate::timetable::{Timetable, TimetableOrder};
 
 pub use manager_notifier::ManagerNotifier;
 pub use record::RecordFile;
@@ -72,6 +73,8 @@ pub struct Service {
     /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
     pub reloads: mpsc::Receiver<ServicePlan>,
+    /// What people change of the timetable.
+    pub changes: mpsc::Receiver<TimetableOrder>,
 }
 
 impl Service {
@@ -91,7 +94,7 @@ impl Service {
         let outcome = tokio::select! {
             biased;
             outcome = self.agent.run(stop.clone()) => outcome,
-            never = executor.work(self.reloads, stop) => match never {},
+            never = executor.work(self.reloads, self.changes, stop) => match never {},
         };
         notifier.stopping();
         outcome

@@ -1,23 +1,26 @@
 //! The file that records the runs that the timetable has under way, so that the next service can
-//! resume them after a power cut. A separate thread writes it; a slow or full disk blocks nothing.
+//! resume them after a power cut, and what people have changed of the timetable. A separate thread
+//! writes it; a slow or full disk blocks nothing.
 
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use tokio::sync::watch;
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout};
 
 use crate::clock::until;
 use crate::files::Folder;
 use crate::side_thread::SideThread;
-use crate::timetable::Record;
+use crate::timetable::{Hold, Record};
 
 /// Name of the file, in the data folder.
 const NAME: &str = "schedule.json";
 /// Maximum length of a file that is read.
 const MAX_LEN: u64 = 1 << 16;
+/// Longest wait for the disk before the answer to a person.
+const KEEP_LIMIT: Duration = Duration::from_secs(1);
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 
@@ -32,8 +35,12 @@ pub struct RecordFile {
 
 #[derive(Debug)]
 enum Writer {
-    /// The newest record, for the thread that writes it.
-    Thread(watch::Sender<Option<Record>>),
+    Thread {
+        /// The newest record and its number, for the thread that writes it.
+        newest: watch::Sender<(u64, Record)>,
+        /// The number of the record that was tried last, and what the disk said.
+        tried: watch::Receiver<(u64, Result<(), String>)>,
+    },
     Here(Disk),
 }
 
@@ -42,9 +49,10 @@ impl RecordFile {
     /// read, this is logged and the record is empty.
     pub fn open(data: &Path) -> RecordFile {
         RecordFile::open_with(data, |disk| {
-            let (newest, records) = watch::channel(None);
-            let started = SideThread::start("record", |_| write_all(disk, records));
-            started.ok().map(|_| Writer::Thread(newest))
+            let (newest, records) = watch::channel((0, Record::default()));
+            let (told, tried) = watch::channel((0, Ok(())));
+            let started = SideThread::start("record", |_| write_all(disk, records, told));
+            started.ok().map(|_| Writer::Thread { newest, tried })
         })
     }
 
@@ -55,22 +63,50 @@ impl RecordFile {
     }
 
     fn open_with(data: &Path, writer: impl FnOnce(Disk) -> Option<Writer>) -> RecordFile {
-        match Disk::open(data) {
-            Some(disk) => RecordFile {
-                record: disk.read(),
-                writer: writer(disk),
-            },
-            None => RecordFile::default(),
+        let disk = Disk {
+            data: data.to_owned(),
+            failed: AtomicBool::new(false),
+        };
+        RecordFile {
+            record: disk.read(),
+            writer: writer(disk),
         }
+    }
+
+    /// What people have changed of the timetable in this data folder.
+    pub fn hold(data: &Path) -> Hold {
+        RecordFile::open_with(data, |_| None).record.hold
     }
 
     /// Has a record written, in place of older ones that still wait; returns whether it was
     /// accepted. Does not wait for the disk, except in a simulation.
     pub(super) fn save(&self, record: Record) -> bool {
         match &self.writer {
-            Some(Writer::Thread(newest)) => newest.send(Some(record)).is_ok(),
-            Some(Writer::Here(disk)) => disk.write(&record),
+            Some(Writer::Thread { newest, .. }) => {
+                let number = newest.borrow().0 + 1;
+                newest.send((number, record)).is_ok()
+            }
+            Some(Writer::Here(disk)) => disk.write(&record).is_ok(),
             None => true,
+        }
+    }
+
+    /// Waits, for a limited time, until the disk has what was saved last. The error says why the
+    /// next program may not know it.
+    pub(super) fn kept(&self) -> impl Future<Output = Result<(), String>> + Send + use<> {
+        let waiting = match &self.writer {
+            Some(Writer::Thread { newest, tried }) => Some((newest.borrow().0, tried.clone())),
+            Some(Writer::Here(_)) | None => None,
+        };
+        async move {
+            let Some((number, mut tried)) = waiting else {
+                return Ok(());
+            };
+            let answer = timeout(KEEP_LIMIT, tried.wait_for(|tried| tried.0 >= number)).await;
+            match answer {
+                Ok(Ok(tried)) => tried.1.clone(),
+                _ => Err("the disk does not answer".to_owned()),
+            }
         }
     }
 }
@@ -80,79 +116,69 @@ pub(super) fn is_news(old: Option<&Record>, record: &Record) -> bool {
     old.is_none_or(|old| {
         let passed = record.looked.zip(old.looked);
         let lately = passed.is_none_or(|(now, then)| (0..3600).contains(&(now - then)));
-        old.under_way != record.under_way || !lately
+        old.under_way != record.under_way || old.hold != record.hold || !lately
     })
 }
 
 #[derive(Debug)]
 struct Disk {
-    folder: Folder,
-    path: PathBuf,
+    data: PathBuf,
     failed: AtomicBool,
 }
 
 impl Disk {
-    fn open(data: &Path) -> Option<Disk> {
-        let folder = match Folder::make(data) {
-            Ok(folder) => folder,
-            Err(error) => {
-                let data = data.display();
-                tracing::warn!(
-                    "after a power cut nothing will resume: cannot write to {data}: {error}"
-                );
-                return None;
-            }
-        };
-        Some(Disk {
-            folder,
-            path: data.join(NAME),
-            failed: AtomicBool::new(false),
-        })
-    }
-
     fn read(&self) -> Record {
-        let parsed = match self.folder.read(NAME, MAX_LEN) {
+        let path = self.data.join(NAME);
+        let bytes = Folder::open(&self.data).and_then(|folder| Ok(folder.read(NAME, MAX_LEN)?));
+        let parsed = match bytes {
             Ok(Some(bytes)) => serde_json::from_slice(&bytes).map_err(io::Error::from),
             Ok(None) => Ok(Record::default()),
-            Err(error) => Err(error.into()),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(Record::default()),
+            Err(error) => Err(error),
         };
         parsed.unwrap_or_else(|why| {
-            let path = self.path.display();
-            tracing::warn!("an interrupted run cannot resume: {path}: {why}");
+            let path = path.display();
+            tracing::warn!(
+                "an interrupted run cannot resume, and the timetable is not paused: {path}: {why}"
+            );
             Record::default()
         })
     }
 
-    fn write(&self, record: &Record) -> bool {
-        // Serialisation cannot fail: all keys of a record are strings.
-        let Ok(bytes) = serde_json::to_vec(record) else {
-            return true;
-        };
-        let written = self.folder.replace_durably(NAME, &bytes);
+    fn write(&self, record: &Record) -> Result<(), String> {
+        let written = serde_json::to_vec(record)
+            .map_err(io::Error::from)
+            .and_then(|bytes| Folder::make(&self.data)?.replace_durably(NAME, &bytes));
+        let path = self.data.join(NAME);
+        let written = written.map_err(|error| format!("cannot write {}: {error}", path.display()));
         let failed = self.failed.swap(written.is_err(), Ordering::Relaxed);
         if let (Err(error), false) = (&written, failed) {
-            let path = self.path.display();
-            tracing::warn!("after a power cut nothing will resume: {path}: {error}");
+            tracing::warn!("after a power cut nothing will resume: {error}");
         }
-        written.is_ok()
+        written
     }
 }
 
 /// Writes the newest record until there will be no more. A failed write is retried.
-async fn write_all(disk: Disk, mut newest: watch::Receiver<Option<Record>>) {
+async fn write_all(
+    disk: Disk,
+    mut newest: watch::Receiver<(u64, Record)>,
+    told: watch::Sender<(u64, Result<(), String>)>,
+) {
     let mut retry = None;
     loop {
         tokio::select! {
             changed = newest.changed() => if changed.is_err() { return },
             () = until(retry) => {}
         }
-        let record = newest.borrow_and_update().clone();
-        let written = record.is_none_or(|record| disk.write(&record));
-        retry = if written {
+        let (number, record) = newest.borrow_and_update().clone();
+        let written = disk.write(&record);
+        retry = if written.is_ok() {
             None
         } else {
             Some(Instant::now() + AGAIN)
         };
+        let _ = told.send_replace((number, written));
     }
 }
 
@@ -174,6 +200,7 @@ mod tests {
                 until: Some(9),
                 waits: false,
             }],
+            ..Record::default()
         };
         assert!(opened.save(record.clone()));
         let path = home.path().join(NAME);
@@ -191,7 +218,7 @@ mod tests {
         let file = RecordFile::open_in_simulation(home.path());
         let record = Record {
             looked: Some(8),
-            under_way: Vec::new(),
+            ..Record::default()
         };
         assert!(file.save(record.clone()));
         assert_eq!(RecordFile::open_in_simulation(home.path()).record, record);

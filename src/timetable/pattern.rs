@@ -184,6 +184,20 @@ pub enum TimetableError {
     LongPattern,
     #[error("`{0}` is not a span of hours such as 22:00-07:00")]
     Quiet(String),
+    #[error("there is no timetable: the config has no `schedule:`")]
+    NoRules,
+    #[error("the computer's clock is not set: the timetable waits until it is")]
+    NoClock,
+    #[error("`pause` needs a time `until`, the other changes of the timetable have none")]
+    Until,
+    #[error("`{0}` is no time such as 2026-05-04 18:00, 2026-05-04 or 2026-05-04T16:00:00Z")]
+    NoTime(String),
+    #[error("the timetable cannot be paused until {0}: that is over")]
+    Past(String),
+    #[error("the timetable has no next start")]
+    NoStart,
+    #[error("that is not the next start: it is {0}")]
+    OtherStart(String),
 }
 
 #[cfg(test)]

@@ -7,7 +7,9 @@ use jiff::{SignedDuration, Timestamp};
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::rule::Timetable;
+use super::hold::{Hold, TimetableOrder};
+use super::pattern::TimetableError;
+use super::rule::{NextStart, Timetable};
 use crate::clock::is_plausible;
 
 /// A start this late is still on time: the service polls several times a minute.
@@ -57,6 +59,7 @@ struct ActiveRun {
 pub struct Planner {
     table: Timetable,
     record: Record,
+    hold: Hold,
     /// The clock time at the last poll, and its monotonic time.
     last_poll: Option<(Timestamp, Instant)>,
     /// Starts up to this time are handled.
@@ -71,6 +74,7 @@ impl Planner {
     pub fn new(table: Timetable, record: Record) -> Planner {
         Planner {
             table,
+            hold: record.hold.clone(),
             record,
             last_poll: None,
             looked: None,
@@ -100,11 +104,37 @@ impl Planner {
         self.due.clear();
     }
 
-    /// Returns the next start after the last poll, and its behaviour.
-    pub fn next_start(&self) -> Option<(Timestamp, &str)> {
+    /// Changes what a person asks for. Returns what is different now, for the journal, if anything is.
+    pub fn change(
+        &mut self,
+        order: &TimetableOrder,
+        now: Timestamp,
+    ) -> Result<Option<String>, TimetableError> {
+        if self.table.rules.is_empty() {
+            return Err(TimetableError::NoRules);
+        }
+        let Some(looked) = self.looked else {
+            return Err(TimetableError::NoClock);
+        };
+        let next = self.next_start();
+        let changed = self.hold.change(order, next, now, &self.table.zone)?;
+        if self.hold.paused.is_some() {
+            self.due.clear();
+        }
+        self.plan_from(looked);
+        Ok(changed)
+    }
+
+    pub fn hold(&self) -> &Hold {
+        &self.hold
+    }
+
+    /// Returns the next start after the last poll.
+    pub fn next_start(&self) -> Option<NextStart> {
         let next = self.next.iter().zip(&self.table.rules);
         let next = next.filter_map(|(at, rule)| Some(((*at)?, rule.run.as_str())));
-        next.min()
+        let (at, run) = next.min()?;
+        Some(self.hold.shown(at, run))
     }
 
     /// Records that a behaviour has ended, or could not be started.
@@ -147,6 +177,7 @@ impl Planner {
             waits: false,
         });
         Record {
+            hold: self.hold.clone(),
             looked: match self.looked {
                 Some(now) => Some(now.as_second()),
                 None => self.record.looked,
@@ -160,7 +191,7 @@ impl Planner {
 
     /// Returns the longest time until the next poll, unless something happens before.
     pub fn pause(&self, now: Timestamp, at: Instant) -> Duration {
-        let next = self.next_start().map(|(next, _)| next.duration_since(now));
+        let next = self.next_start().map(|next| next.at.duration_since(now));
         let next = next.map(|next| next.unsigned_abs());
         let ends = self.started.iter().filter_map(|one| one.until);
         let ends = ends.map(|(until, _)| until.saturating_duration_since(at));
@@ -177,6 +208,7 @@ impl Planner {
         let moves = self.check_clock(inputs, &mut acts);
         if moves {
             self.collect_due(inputs.now, &mut acts);
+            self.hold.expire(inputs.now);
             self.looked = Some(inputs.now);
         }
         self.end_expired(inputs.at, &mut acts);
@@ -215,7 +247,11 @@ impl Planner {
             .and_then(|at| Timestamp::from_second(at).ok());
         let from = looked.map_or(earliest, |looked| looked.min(now));
         self.plan_from(from);
-        for one in std::mem::take(&mut self.record.under_way) {
+        let under_way = std::mem::take(&mut self.record.under_way);
+        if self.hold.paused.is_some_and(|until| now < until) {
+            return;
+        }
+        for one in under_way {
             let Ok(planned) = Timestamp::from_second(one.planned) else {
                 continue;
             };
@@ -246,8 +282,10 @@ impl Planner {
         }
     }
 
+    /// Plans the starts after this time, and after a pause.
     fn plan_from(&mut self, from: Timestamp) {
         let table = &self.table;
+        let from = self.hold.first_after(from);
         let next = table
             .rules
             .iter()
@@ -268,6 +306,9 @@ impl Planner {
                     continue;
                 }
                 *next = rule.at.next_after(planned, &self.table.zone);
+                if self.hold.shown(planned, &rule.run).skipped {
+                    continue;
+                }
                 missed += usize::from(newest.is_some());
                 newest = Some(planned);
             }
@@ -390,6 +431,8 @@ pub struct Record {
     pub looked: Option<i64>,
     /// The runs that were started and have not ended, and the starts that wait for the robot.
     pub under_way: Vec<UnderWay>,
+    #[serde(default)]
+    pub hold: Hold,
 }
 
 /// A run that the timetable has started, or that waits for the robot.
@@ -409,7 +452,7 @@ pub struct UnderWay {
 mod tests {
     use super::*;
     use crate::clock::{Date, Zone};
-    use crate::timetable::Rule;
+    use crate::timetable::{Rule, TimetableChange};
     use proptest::prelude::*;
 
     const MINUTE: Duration = Duration::from_secs(60);
@@ -518,6 +561,128 @@ mod tests {
 
     fn patrol() -> Timetable {
         table(&[("patrol", "0 9,21 * * *", Some("30m"))], "10m")
+    }
+
+    fn order(change: TimetableChange, until: Option<&str>) -> TimetableOrder {
+        TimetableOrder {
+            change,
+            until: until.map(str::to_owned),
+            start: None,
+            by: "a test".to_owned(),
+            answer: tokio::sync::oneshot::channel().0,
+        }
+    }
+
+    #[test]
+    fn the_next_start_is_left_out_once_also_after_a_restart() {
+        let rules = [("go", "0 9 * * *", Some("1m"))];
+        let mut world = World::new(table(&rules, "10m"), "2026-05-04 08:00");
+        world.poll();
+        let skip = order(TimetableChange::Skip, None);
+        let changed = world.planner.change(&skip, world.now).unwrap();
+        let words = "go on Mon 2026-05-04 09:00 is left out";
+        assert_eq!(changed.as_deref(), Some(words));
+        // A second person wants the same.
+        assert_eq!(world.planner.change(&skip, world.now), Ok(None));
+        assert!(world.planner.next_start().unwrap().skipped);
+        let record = world.planner.record();
+        let mut next = World::after(table(&rules, "10m"), "2026-05-04 08:30", record);
+        next.pass(MINUTE * 60);
+        assert_eq!(next.starts(), Vec::<String>::new());
+        assert!(!next.planner.next_start().unwrap().skipped);
+        next.pass(MINUTE * 60 * 24);
+        assert_eq!(next.starts(), ["go 05 09:00"]);
+    }
+
+    #[test]
+    fn a_start_that_is_left_out_can_be_taken_back_and_another_is_not_meant() {
+        let rules = [("go", "0 9,21 * * *", None)];
+        let mut world = World::new(table(&rules, "10m"), "2026-05-04 08:00");
+        world.poll();
+        let other = TimetableOrder {
+            start: Some(when("2026-05-04 21:00")),
+            ..order(TimetableChange::Skip, None)
+        };
+        let refused = world.planner.change(&other, world.now).unwrap_err();
+        assert!(refused.to_string().contains("it is go on Mon"), "{refused}");
+        for change in [TimetableChange::Skip, TimetableChange::Unskip] {
+            let changed = world.planner.change(&order(change, None), world.now);
+            assert!(changed.unwrap().is_some());
+        }
+        world.pass(MINUTE * 90);
+        assert_eq!(world.starts(), ["go 04 09:00"]);
+    }
+
+    #[test]
+    fn a_paused_timetable_starts_nothing_and_makes_up_for_nothing_also_after_a_restart() {
+        let rules = [("go", "0 * * * *", Some("1m"))];
+        let table = table(&rules, "12h");
+        let mut world = World::new(table.clone(), "2026-05-04 08:30");
+        world.ready = false;
+        world.poll();
+        let pause = order(TimetableChange::Pause, Some("2026-05-04 18:00"));
+        let changed = world.planner.change(&pause, world.now).unwrap();
+        let words = "nothing starts until Mon 2026-05-04 18:00";
+        assert_eq!(changed.as_deref(), Some(words));
+        world.ready = true;
+        world.pass(MINUTE * 100);
+        assert_eq!(world.starts(), Vec::<String>::new());
+        let mut next = World::after(table, "2026-05-04 17:30", world.planner.record());
+        next.pass(MINUTE * 45);
+        assert_eq!(next.starts(), ["go 04 18:00"]);
+        assert_eq!(next.planner.hold(), &Hold::default());
+    }
+
+    #[test]
+    fn a_pause_that_is_ended_early_does_not_bring_back_what_it_has_left_out() {
+        let rules = [("go", "0 * * * *", Some("1m"))];
+        let mut world = World::new(table(&rules, "12h"), "2026-05-04 08:30");
+        world.running = vec!["go".to_owned()];
+        world.poll();
+        world.running.clear();
+        let pause = order(TimetableChange::Pause, Some("2026-06-01"));
+        world.planner.change(&pause, world.now).unwrap();
+        world.pass(MINUTE * 60);
+        let resume = order(TimetableChange::Resume, None);
+        assert!(world.planner.change(&resume, world.now).unwrap().is_some());
+        world.pass(MINUTE * 60);
+        assert_eq!(world.starts(), ["go 04 10:00"]);
+    }
+
+    #[test]
+    fn a_change_that_makes_no_sense_changes_nothing_and_says_why() {
+        let rules = [("go", "0 9 * * *", None)];
+        let mut world = World::new(table(&rules, "10m"), "2026-05-04 08:00");
+        world.poll();
+        for (change, until, why) in [
+            (TimetableChange::Pause, Some("2026-05-04 07:59"), "is over"),
+            (
+                TimetableChange::Pause,
+                Some("tomorrow"),
+                "is no time such as",
+            ),
+            (TimetableChange::Pause, Some(""), "is no time such as"),
+            (TimetableChange::Pause, None, "needs a time `until`"),
+            (
+                TimetableChange::Skip,
+                Some("2026-05-05"),
+                "needs a time `until`",
+            ),
+        ] {
+            let refused = world.planner.change(&order(change, until), world.now);
+            let refused = refused.unwrap_err().to_string();
+            assert!(refused.contains(why), "{refused}");
+        }
+        assert_eq!(world.planner.hold(), &Hold::default());
+        let skip = order(TimetableChange::Skip, None);
+        let mut without = World::new(table(&[], "10m"), "2026-05-04 08:00");
+        without.poll();
+        let refused = without.planner.change(&skip, without.now);
+        assert_eq!(refused, Err(TimetableError::NoRules));
+        let mut early = World::new(table(&rules, "10m"), "1970-01-01 08:00");
+        early.poll();
+        let refused = early.planner.change(&skip, early.now);
+        assert_eq!(refused, Err(TimetableError::NoClock));
     }
 
     #[test]

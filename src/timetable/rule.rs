@@ -9,9 +9,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::watch;
 
-use super::Pattern;
 use super::pattern::TimetableError;
-use crate::clock::{Span, Zone};
+use super::{Hold, Pattern};
+use crate::clock::{self, Span, Zone};
 use crate::yaml;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -48,6 +48,18 @@ pub struct NextStart {
     pub at: Timestamp,
     /// The behaviour.
     pub behaviour: String,
+    /// Whether a person wants it to be left out.
+    #[serde(default)]
+    pub skipped: bool,
+}
+
+impl NextStart {
+    /// The start in words, such as `patrol Sun 2026-03-29 01:30 (left out)`.
+    pub fn describe(&self, zone: &Zone) -> String {
+        let at = clock::describe(&zone.time(self.at));
+        let skipped = if self.skipped { " (left out)" } else { "" };
+        format!("{} {at}{skipped}", self.behaviour)
+    }
 }
 
 /// The next start and the quiet hours. Both are unset in a run without a timetable.
@@ -55,6 +67,7 @@ pub struct NextStart {
 pub struct View {
     /// The next start of the timetable.
     pub next: Option<NextStart>,
+    pub hold: Hold,
     pub quiet: bool,
     /// The behaviours that are always on, and so not what a person wants to start.
     pub always: Vec<String>,
@@ -95,6 +108,8 @@ pub enum Reason {
     Overlap,
     /// The config has no behaviour of this name.
     Unknown,
+    /// A person wants it to be left out.
+    Skipped,
 }
 
 impl Timetable {
@@ -106,15 +121,17 @@ impl Timetable {
     }
 }
 
-/// Returns the next starts after an instant, assuming that every run lasts as planned. `known` are
-/// the config's behaviours.
+/// Returns the next starts after an instant and after a pause, assuming that every run lasts as
+/// planned. `known` are the config's behaviours.
 pub fn predict_starts(
     table: &Timetable,
+    hold: &Hold,
     known: &[String],
     after: Timestamp,
     count: usize,
 ) -> Vec<PredictedStart> {
     let next = |rule: usize, after| table.rules[rule].at.next_after(after, &table.zone);
+    let after = hold.first_after(after);
     let mut due: Vec<Option<Timestamp>> = (0..table.rules.len())
         .map(|rule| next(rule, after))
         .collect();
@@ -131,6 +148,9 @@ pub fn predict_starts(
         let mut reasons = Vec::new();
         if !known.contains(&rule.run) {
             reasons.push(Reason::Unknown);
+        }
+        if hold.shown(at, &rule.run).skipped {
+            reasons.push(Reason::Skipped);
         }
         let runs = |other: &&PredictedStart| other.run == rule.run && other.happens();
         let last = found.iter().rev().find(runs);

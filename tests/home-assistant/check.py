@@ -48,12 +48,16 @@ ENTITIES = [
     ("charging", "binary_sensor", "{device} Charging"),
     ("problem", "binary_sensor", "{device} Problem"),
     ("next", "sensor", "{device} Next start"),
+    ("skip", "switch", "{device} Leave out the next start"),
+    ("pause", "text", "{device} Timetable paused until"),
+    ("resume", "button", "{device} Resume the timetable"),
     ("camera", "camera", "{device} Camera"),
     ("alarm", "image", "{device} Last alarm"),
     ("event", "event", "{device} Last event"),
     ("dock", "button", "{device} Dock"),
     ("undock", "button", "{device} Undock"),
     ("stop", "button", "{device} Stop"),
+    ("reset_stop", "button", "{device} Release STOP"),
     ("snapshot", "button", "{device} Take a picture"),
     ("behaviour", "select", "{device} Behaviour"),
 ]
@@ -207,6 +211,17 @@ async def picture_comes(robot):
     raise Failed("no picture came")
 
 
+async def timetable_can_be_held(robot):
+    for service, state in [("turn_on", "on"), ("turn_off", "off")]:
+        await robot.call("switch", service, "skip")
+        await robot.becomes("skip", "switch", state)
+    await robot.call("text", "set_value", "pause", value="2099-01-02 12:00")
+    await until("the timetable is paused", lambda: robot.state("pause", "text").state.startswith("2099-01-0"))
+    await robot.call("button", "press", "resume")
+    await robot.becomes("pause", "text", "")
+    say("the next start is left out and taken back, the timetable paused and resumed")
+
+
 async def goes_home(robot):
     await robot.call("vacuum", "locate", "robot")
     await robot.call("vacuum", "return_to_base", "robot")
@@ -257,6 +272,7 @@ async def check(spykee, folder, ended):
         await entities_appear(robot)
         await state_is_shown(robot)
         await picture_comes(robot)
+        await timetable_can_be_held(robot)
         await goes_home(robot)
         process = await nothing_old_sticks(robot, process, spykee, folder, ended)
         # Home Assistant alone is started anew: its birth message, or what is retained, brings all back.

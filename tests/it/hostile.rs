@@ -16,7 +16,7 @@ use serde_json::Value;
 use spykee::wire::{Command, EngineReport, Led, Report};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{Rig, Run, Stopwatch, WAIT_LIMIT, longest_stall, moves};
+use crate::rig::{Rig, Run, Stopwatch, WAIT_LIMIT, longest_stall, moves, run_spykee};
 
 /// From the mark, which is set before an attack begins, to the stop of the tracks. On a busy
 /// machine, hosts are scheduled after everything else.
@@ -425,4 +425,71 @@ fn every_attack_has_a_known_ending() {
     let counted: usize = known.iter().map(|ending| attacks(ending).len()).sum();
     assert_eq!(counted, scripts().len());
     assert!(counted >= 90, "only {counted}");
+}
+
+/// The bytes of pictures in the behaviour's folder.
+fn pictures(rig: &Rig) -> u64 {
+    let folder = rig.folder().join("spykee-data/flood");
+    let files = std::fs::read_dir(folder).into_iter().flatten();
+    let sizes = files.map(|file| file.unwrap().metadata().unwrap().len());
+    sizes.sum()
+}
+
+/// A service with one behaviour, which may write 24 times this much per day, and so this much at once.
+fn flooded(rig: &Rig, script: &str, at_once: u64) -> Run {
+    rig.file("flood.lua", script);
+    let limits = format!("limits: {{ bytes_a_day: {} }}\n", 24 * at_once);
+    let config = format!("{limits}service: {{ user: root }}\nbehaviours:\n- file: flood.lua\n");
+    rig.file("spykee.yaml", &config);
+    rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address])
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn restarts_do_not_renew_the_budget_of_the_day() {
+    const AT_ONCE: u64 = 200_000;
+    let rig = Rig::quiet().await;
+    let script = "
+        local frame = robot.wait_frame()
+        local start = store.get('start', 0) + 1
+        store.set('start', start)
+        local number = 0
+        repeat number += 1 task.wait(0.01) until not frame:save(`{start}-{number}`)
+        log.info(`start {start} is over`)
+        task.wait(600)";
+    let mut run = flooded(&rig, script, AT_ONCE);
+    run.says("start 1 is over").await;
+    let once = pictures(&rig);
+    assert!(once > AT_ONCE / 2, "{once}");
+    for start in 2..=8 {
+        let (code, text) = run_spykee(&rig, &["behaviour", "restart", "flood"]).await;
+        assert_eq!(code, Some(0), "{text}");
+        run.says(&format!("start {start} is over")).await;
+    }
+    let all = pictures(&rig);
+    assert!(all < 2 * AT_ONCE, "{once} by one start, {all} by eight");
+    run.signal(rustix::process::Signal::TERM);
+    run.code().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_host_that_writes_more_than_it_may_is_noticed_and_ended() {
+    let rig = Rig::quiet().await;
+    let script = "log.info('here I am') while true do robot.move(30, 30, 0.5) end";
+    let mut run = flooded(&rig, script, 200_000);
+    run.says("here I am").await;
+    let moving = rig.heard_motion(0).await;
+    // The agent cannot know that not the host does this.
+    let huge = rig.folder().join("spykee-data/flood/huge");
+    std::fs::write(&huge, vec![0; 16 << 20]).unwrap();
+    run.says("has written more to its folder").await;
+    let mut heard = rig.commands(moving).into_iter().rev();
+    let last = heard.find(|command| moves(command) || *command == Command::STOP);
+    assert_eq!(last, Some(Command::STOP));
+    let stopped = rig.sim.heard_count();
+    let (_, text) = run_spykee(&rig, &["behaviour", "restart", "flood"]).await;
+    assert!(text.contains("has written more"), "{text}");
+    let moved = rig.commands(stopped).into_iter().find(moves);
+    assert_eq!(moved, None, "it drives again");
+    run.signal(rustix::process::Signal::TERM);
+    run.code().await;
 }

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use spykee::sim::{Firmware, FirmwareBehaviour};
-use spykee::wire::{Command, Engage, Led};
+use spykee::wire::{Command, Engage, Led, Stream};
 use tokio::time::{sleep, timeout};
 
 pub use self::browser::get;
@@ -87,6 +87,27 @@ async fn requests_from_other_sites_or_for_other_host_names_are_rejected() {
     assert_eq!(Page::open(&at, evil).await.err(), Some(403));
     let cross = "Sec-Fetch-Site: cross-site\r\n";
     assert_eq!(post(&at, "/api/stop", cross, json!({})).await.0, 403);
+    // Such a request, as an image in a page, would switch the camera on.
+    for path in [
+        "/api/picture",
+        "/api/picture?seconds=1",
+        "/api/camera.mjpeg",
+    ] {
+        let (status, _) = ask(&at, &format!("GET {path}"), cross, "").await;
+        assert_eq!(status, 403, "{path}");
+    }
+    let video = |command: &Command| {
+        matches!(
+            command,
+            Command::Stream {
+                stream: Stream::Video,
+                on: true
+            }
+        )
+    };
+    assert!(!rig.commands(0).iter().any(video));
+    let (status, _) = ask(&at, "GET /api/status", cross, "").await;
+    assert_eq!(status, 200, "a link from elsewhere only shows something");
     let own = format!("Origin: http://{at}\r\n");
     assert!(Page::open(&at, &own).await.is_ok());
     let (_, page) = get(&at, "/").await;

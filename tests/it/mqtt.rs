@@ -236,6 +236,61 @@ async fn a_stop_from_the_broker_holds_a_low_robot_until_a_person_releases_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_timetable_is_changed_from_the_broker_and_the_state_shows_it() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
+    let order = async |order: &str| {
+        let from = subscriber.len();
+        let command = "spykee/SPYKEE0001/command";
+        subscriber.publish(command, order, false).await;
+        let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
+        let answer = "spykee/SPYKEE0001/answer";
+        let answer = subscriber.wait_for(from, answer, |payload| read(payload)["command"] == order);
+        read(&answer.await)
+    };
+    rig.file("patrol.lua", IDLE);
+    // Not soon.
+    let rule = "{ run: patrol, at: '0 9 1 1 *', for: 1m }";
+    let config = format!(
+        "service: {{ user: root }}\nschedule: [{rule}]\nbehaviours: [{{ file: patrol.lua }}]\n{}",
+        broker.config()
+    );
+    rig.file("spykee.yaml", &config);
+    let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let planned = |state: &Value| state["next_skipped"] == false && state["paused"].is_null();
+    subscriber.wait_for_state(0, A, planned).await;
+    for (words, shown) in [
+        ("skip", "next_skipped"),
+        ("pause 2099-01-01 08:00", "paused"),
+    ] {
+        let from = subscriber.len();
+        assert_eq!(order(words).await["done"], true);
+        let held = |state: &Value| ![Value::Null, false.into()].contains(&state[shown]);
+        subscriber.wait_for_state(from, A, held).await;
+    }
+    let from = subscriber.len();
+    for words in ["resume", "unskip"] {
+        assert_eq!(order(words).await["done"], true);
+    }
+    subscriber.wait_for_state(from, A, planned).await;
+    for (words, why) in [
+        ("pause 2020-01-01", "is over"),
+        ("pause soon", "is no time"),
+    ] {
+        let refused = order(words).await;
+        assert_eq!(refused["done"], false, "{refused}");
+        assert_contains(refused["text"].as_str().unwrap(), &[why]);
+    }
+    run.signal(Signal::TERM);
+    run.code().await;
+    let (_, text) = run_spykee(&rig, &["history", "--config", "spykee.yaml"]).await;
+    assert_contains(&text, &["is left out: the MQTT broker"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_restarts() {
     let Some(mut broker) = Broker::start() else {
         return;

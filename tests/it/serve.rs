@@ -558,3 +558,83 @@ async fn a_start_waits_for_the_robot_also_if_the_service_restarts_meanwhile() {
     late.heard_motion(0).await;
     ends_well(&mut next).await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_paused_timetable_starts_nothing_also_after_a_power_cut_until_its_time() {
+    let home = Rig::quiet().await;
+    home.file("drive.lua", "log.info('here I am') task.wait(600)");
+    home.file("world.yaml", QUIET_WORLD);
+    let service = "catch_up: 3h\nbehaviours:\n- file: drive.lua\n\
+                   schedule:\n- { run: drive, at: '0 9,11 * * *' }\n";
+    config(&home, "", service);
+    let serve_at = |date: &str| {
+        let args = ["serve", "--config", "spykee.yaml", "--sim", "world.yaml"];
+        home.spykee(&[&args[..], &["--date", date]].concat())
+    };
+    let order = async |words: &[&str]| {
+        let args = [&["behaviour", "timetable"][..], words].concat();
+        run_spykee(&home, &[&args[..], &["--config", "spykee.yaml"]].concat()).await
+    };
+    let mut run = serve_at("2026-05-04 08:00");
+    run.says("connected").await;
+    let (code, text) = order(&["pause", "2026-05-04 07:00"]).await;
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["that is over"]);
+    let (code, text) = order(&["skip"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["drive Mon 2026-05-04 09:00 (left out)"]);
+    let (code, text) = order(&["pause", "2026-05-04 11:00"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let paused = "drive Mon 2026-05-04 11:00 (paused until Mon 2026-05-04 11:00)";
+    assert_contains(&text, &[paused]);
+    run.signal(Signal::KILL);
+    run.status().await;
+    // The start of nine o'clock would be made up for.
+    let mut next = serve_at("2026-05-04 10:00");
+    next.says("connected").await;
+    let text = succeed(&home, &["status", "--config", "spykee.yaml"]).await;
+    assert_contains(&text, &[paused]);
+    let listed = [
+        "config",
+        "schedule",
+        "--from",
+        "2026-05-04 08:00",
+        "--next",
+        "1",
+    ];
+    let listed = succeed(&home, &[&listed[..], &["--config", "spykee.yaml"]].concat()).await;
+    assert_contains(
+        &listed,
+        &["paused it until Mon 2026-05-04 11:00", "11:00  drive"],
+    );
+    for words in ["skip", "unskip"] {
+        let (code, text) = order(&[words]).await;
+        assert_eq!(code, Some(0), "{text}");
+    }
+    ends_well(&mut next).await;
+    assert!(!next.text().contains("here I am"), "{}", next.text());
+    let mut last = serve_at("2026-05-04 10:59:57");
+    last.says("planned for Mon 2026-05-04 11:00").await;
+    last.says("here I am").await;
+    ends_well(&mut last).await;
+    let history = succeed(&home, &["history", "--config", "spykee.yaml"]).await;
+    assert_contains(
+        &history,
+        &[
+            "nothing starts until Mon 2026-05-04 11:00",
+            "the command line",
+        ],
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_without_a_timetable_has_none_to_change() {
+    let rig = Rig::quiet().await;
+    let run = rig.run("task.wait(600)");
+    run.says("connected").await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "timetable", "skip"]).await;
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["only a service has a timetable"]);
+    let (code, text) = run_spykee(&rig, &["behaviour", "timetable", "pause"]).await;
+    assert_eq!(code, Some(2), "{text}");
+}

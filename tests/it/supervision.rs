@@ -8,7 +8,7 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal};
 use spykee::agent::{Agent, Behaviour, PilotPlan, Plan};
 use spykee::behaviour::{
-    Handle, HostContext, Launch, Launcher, Library, Prepared, RestartPolicy, Supervisor,
+    Accounts, Handle, HostContext, Launch, Launcher, Library, Prepared, RestartPolicy, Supervisor,
 };
 use spykee::link;
 use spykee::pilot::Settings;
@@ -246,6 +246,7 @@ async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
         longest_silence: WAIT_LIMIT,
         viewers: ViewerChannel::default(),
         bus: Bus::default(),
+        accounts: Accounts::default(),
     };
     let launch = Launch {
         source: b"task.wait(600)".to_vec(),

@@ -1027,6 +1027,15 @@ const promises = {
     }, "a kept picture");
     await page.getByText("started · look").first().waitFor();
     await keep(page, "service");
+    await button(page, "Leave out the next start").click();
+    await page.getByText(/will not start: left out/).first().waitFor();
+    await button(page, "Do not leave out the next start").click();
+    await page.getByText(/will not start: left out/).first().waitFor({ state: "detached" });
+    await page.getByLabel("Pause until").fill("2099-01-01T10:00");
+    await page.getByRole("button", { name: "Pause until" }).click();
+    await page.getByText(/^Nothing starts until .*10:00/).waitFor();
+    await button(page, "End the pause").click();
+    await page.getByText(/^Nothing starts until/).waitFor({ state: "detached" });
     clean(page);
     await page.context().close();
     await run.end();

@@ -331,6 +331,7 @@ impl ServiceFixture {
             bus,
             view: View::channel().0,
             reloads: mpsc::channel(1).1,
+            changes: mpsc::channel(1).1,
         };
         let stop = CancellationToken::new();
         let service = tokio::task::spawn_local(service.run(stop.clone()));

@@ -74,7 +74,7 @@ function build(app, visitor) {
   const parts = {
     camera: camera(connection), drive: drive(connection, command, note), map: map(connection, command),
     battery: battery(connection), robot: robot(connection, command), behaviours: behaviours(connection, command),
-    simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection),
+    simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection, command),
     gallery: gallery(connection),
   };
   /** Past all lines of the log. */

@@ -1,6 +1,6 @@
 // History and timetable of a service.
 
-import { FETCH_LIMIT, h, s, visible } from "./dom.js";
+import { FETCH_LIMIT, h, s, say, visible } from "./dom.js";
 import { t } from "./texts.js";
 
 /** The ranges of the history in days, with the formats of their axes. */
@@ -67,16 +67,17 @@ function lanes({ since, part, parts }) {
   ];
 }
 
-function row({ at, kind, behaviour, code, text }, time) {
+function row({ at, kind, behaviour, code, text }) {
   const what = [word("event", kind), behaviour, code ? word("code", code) : ""].filter((one) => one).join(" · ");
   const bad = kind === "given_up" || kind === "notify" || kind === "safety" || (kind === "dock" && !GOOD.includes(code));
   return h("li", { class: bad && "bad" },
     h("time", {}, time.format(new Date(at))), h("span", { class: "text" }, text ? `${what}: ${text}` : what));
 }
 
+const language = document.documentElement.lang;
+const time = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
+
 export function historyCard(connection) {
-  const language = document.documentElement.lang;
-  const time = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
   const drawing = h("div", { class: "lanes", role: "img" });
   const axis = h("span", { class: "quiet scale" });
   const events = h("ol", { class: "events", tabindex: 0, "aria-label": t("history") });
@@ -111,7 +112,7 @@ export function historyCard(connection) {
     }
     card.hidden = false;
     draw(told, range);
-    events.replaceChildren(...told.events.toReversed().map((one) => row(one, time)));
+    events.replaceChildren(...told.events.toReversed().map(row));
   }
 
   const card = h("section", { class: "card history", "aria-labelledby": "history-title", hidden: true },
@@ -125,9 +126,32 @@ export function historyCard(connection) {
 /** Shortens an end such as `Sun 2026-03-29 01:30` to the time if it is on the day of the start. */
 const ending = (at, until) => (until.slice(0, -5) === at.slice(0, -5) ? until.slice(-5) : until);
 
-export function schedule(connection) {
+export function schedule(connection, command) {
   const list = h("ol", { class: "starts" });
+  const paused = h("p", { role: "status" });
+  const change = (fields) => command({ do: "timetable", ...fields });
+  const skip = h("button", { type: "button", onclick: () => change(next.skipped ? { change: "unskip" } : { change: "skip", start: next.at }) });
+  const until = h("input", { type: "datetime-local", "aria-label": t("pause_until") });
+  const pause = h("button", { type: "button", onclick: () => until.value && change({ change: "pause", until: new Date(until.value).toISOString() }) }, t("pause_until"));
+  const resume = h("button", { type: "button", onclick: () => change({ change: "resume" }) }, t("resume"));
+  const hand = h("div", { class: "row driver-only" }, skip, resume, pause, until);
+  let next = null;
+  let told = "";
   let timer = null;
+
+  function update(state) {
+    const news = JSON.stringify([state.next, state.paused]);
+    if (news === told) {
+      return;
+    }
+    told = news;
+    next = state.next;
+    skip.hidden = next === null;
+    say(skip, t(next?.skipped ? "unskip" : "skip"));
+    resume.hidden = state.paused === null;
+    say(paused, state.paused === null ? "" : t("paused_until", { time: time.format(new Date(state.paused)) }));
+    show();
+  }
 
   async function show() {
     clearTimeout(timer);
@@ -143,7 +167,8 @@ export function schedule(connection) {
   }
 
   const card = h("section", { class: "card schedule", "aria-labelledby": "schedule-title", hidden: true },
-    h("h2", { id: "schedule-title" }, t("schedule")), list);
+    h("h2", { id: "schedule-title" }, t("schedule")), paused, list, hand);
   connection.on("hello", show);
+  connection.on("state", update);
   return card;
 }

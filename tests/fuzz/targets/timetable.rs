@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use libfuzzer_sys::fuzz_target;
 use spykee::clock::{Date, Span, Zone};
-use spykee::timetable::{Pattern, Quiet, Rule, Timetable, predict_starts};
+use spykee::timetable::{Hold, Pattern, Quiet, Rule, Timetable, predict_starts};
 
 /// Number of starts to compute.
 const STARTS: usize = 6;
@@ -48,7 +48,7 @@ let date = line();
         quiet,
         catch_up: Span::minutes(10),
     };
-    let found = predict_starts(&table, &["patrol".to_owned()], begin, STARTS);
+    let found = predict_starts(&table, &Hold::default(), &["patrol".to_owned()], begin, STARTS);
     assert!(found.len() <= STARTS, "{} starts", found.len());
     assert!(found.iter().all(|one| one.at > begin), "{found:?}");
     assert!(found.windows(2).all(|pair| pair[0].at <= pair[1].at), "{found:?}");
