@@ -56,7 +56,8 @@ pub(super) struct Account {
 #[derive(Debug)]
 struct Disk {
     day: Budget,
-    /// The files at the last weighing, by folder and name.
+    /// The files at the last weighing, by folder and name. One that is written again with its old length
+    /// and time does not count: it fills no disk.
     files: Option<BTreeMap<(usize, String), Item>>,
 }
 
@@ -100,7 +101,7 @@ impl Account {
         let mut disk = locked(&self.disk);
         let is_new = |(name, item): &(&(usize, String), &Item)| match &disk.files {
             Some(before) => before.get(*name) != Some(*item),
-            None => u64::try_from(item.changed.0).is_ok_and(|at| at > recent.as_secs()),
+            None => u64::try_from(item.written.0).is_ok_and(|at| at > recent.as_secs()),
         };
         let new = files.iter().filter(is_new);
         let written: u64 = new.map(|(_, item)| item.bytes).sum();

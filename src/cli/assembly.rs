@@ -193,11 +193,8 @@ impl RunSetup {
         let (agent, status) = Agent::new(self.plan(pilot, beats.clone()));
         robot.emergency_stop.restore(&agent.requests());
         if let Some(core) = signals_on {
-            let others: &[i32] = if self.is_service {
-                &[libc::SIGHUP]
-            } else {
-                &[]
-            };
+            let hangup = [libc::SIGHUP];
+            let others = if self.is_service { &hangup[..] } else { &[] };
             handle_signals(&core, agent.requests(), robot.stop.clone(), others, None)?;
         }
         let (view, seen) = View::channel();

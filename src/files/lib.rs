@@ -155,8 +155,6 @@ pub struct Item {
     pub name: String,
     /// Its length in bytes.
     pub bytes: u64,
-    /// Time of the last change, also of its name and its times: nobody can set it.
-    pub changed: (i64, i64),
 }
 
 impl Folder {
@@ -297,12 +295,13 @@ impl Folder {
         if no_file(&stat).is_some() {
             return Ok(None);
         }
-        let part = |nanoseconds| i64::try_from(nanoseconds).unwrap_or(0);
         Ok(Some(Item {
-            written: (stat.st_mtime, part(stat.st_mtime_nsec)),
+            written: (
+                stat.st_mtime,
+                i64::try_from(stat.st_mtime_nsec).unwrap_or(0),
+            ),
             name: name.to_owned(),
             bytes: u64::try_from(stat.st_size).unwrap_or(0),
-            changed: (stat.st_ctime, part(stat.st_ctime_nsec)),
         }))
     }
 
