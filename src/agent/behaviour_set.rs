@@ -187,13 +187,9 @@ impl BehaviourSet {
             RosterCommand::Change(change, name, time_limit, by, reply) => {
                 self.change(change, name, time_limit, &by, reply);
             }
-            RosterCommand::StopAll(by, reply) => {
-                for one in &mut self.active {
-                    one.stop_for_good(&by);
-                }
-                // Whoever gets the reply then waits for the behaviours in state `Ending`.
-                self.publish();
-                let _ = reply.send(Ok(()));
+            RosterCommand::StopAll(by, reply) => self.stop_those(|_| true, &by, reply),
+            RosterCommand::StopDrivers(by, reply) => {
+                self.stop_those(ActiveBehaviour::has_driven, &by, reply);
             }
             RosterCommand::Define(specs, reply) => {
                 self.specs = specs;
@@ -201,6 +197,15 @@ impl BehaviourSet {
             }
         }
         self.publish();
+    }
+
+    /// Whoever gets the reply then waits for the behaviours in state `Ending`.
+    fn stop_those(&mut self, which: impl Fn(&ActiveBehaviour) -> bool, by: &str, reply: Reply) {
+        for one in self.active.iter_mut().filter(|one| which(one)) {
+            one.stop_for_good(by);
+        }
+        self.publish();
+        let _ = reply.send(Ok(()));
     }
 
     fn change(
@@ -438,6 +443,10 @@ impl ActiveBehaviour {
             return None;
         }
         Some(self.since? + self.time_limit?)
+    }
+
+    fn has_driven(&self) -> bool {
+        self.stop.has_driven()
     }
 
     /// Tells it to end, and not to start again.

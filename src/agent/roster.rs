@@ -184,6 +184,8 @@ pub(super) enum RosterCommand {
     Change(Change, String, Option<Duration>, String, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(String, Reply),
+    /// The same for those that have driven.
+    StopDrivers(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
 }
@@ -262,6 +264,12 @@ impl Roster {
             Ok(Err(_)) => Err(RosterError::Closed),
             Err(_) => Err(RosterError::Busy),
         }
+    }
+
+    /// Has all behaviours end that have driven; does not wait until they have ended.
+    pub async fn stop_drivers(&self, by: String) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::StopDrivers(by, reply))
+            .await
     }
 
     /// Replaces the known behaviours; running behaviours continue.

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rustix::process::Signal;
 use spykee::sim::{Firmware, Options, World};
-use spykee::wire::{Command, Led, Sound};
+use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
 use crate::rig::{
@@ -281,6 +281,37 @@ async fn history_says_who_has_started_and_ended_what() {
         2,
         "{text}"
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_who_sends_the_robot_home_ends_what_drives_and_history_says_who() {
+    let rig = Rig::near_home().await;
+    rig.file("watch.lua", "task.wait(600)");
+    let patrol =
+        "while true do robot.undock() robot.move(30, 30, 0.2) robot.move(-30, -30, 0.2) end";
+    rig.file("patrol.lua", patrol);
+    let behaviours = "behaviours:\n- file: watch.lua\n- file: patrol.lua\n";
+    config(&rig, "", behaviours);
+    let mut run = serve(&rig);
+    rig.heard_motion(0).await;
+    let text = succeed(&rig, &["robot", "dock"]).await;
+    assert_contains(&text, &["on its station"]);
+    let docked = rig.sim.heard_count();
+    let ended =
+        async { while run_spykee(&rig, &["behaviour", "stop", "patrol"]).await.0 == Some(0) {} };
+    timeout(WAIT_LIMIT, ended).await.expect("patrol goes on");
+    assert!(rig.sim.state().docked);
+    let leaves = |one: &Command| moves(one) || *one == Command::Engine(Engage::Undock);
+    assert!(!rig.commands(docked).iter().any(leaves));
+    // A person starts it again.
+    succeed(&rig, &["behaviour", "start", "patrol"]).await;
+    rig.heard_motion(docked).await;
+    ends_well(&mut run).await;
+    let args = ["history", "runs", "--config", "spykee.yaml"];
+    let text = succeed(&rig, &args).await;
+    let ends = "docking, ordered by the command line";
+    let rows = |name: &str| text.lines().filter(|line| line.contains(name)).count();
+    assert_eq!((rows(ends), rows("watch")), (1, 1), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
