@@ -231,6 +231,22 @@ async fn a_run_of_which_a_docking_has_ended_the_last_behaviour_ends_on_the_stati
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_loop_that_drives_a_robot_on_its_station_is_told_why_it_stands() {
+    let rig = Rig::new(&docked(), Firmware::default()).await;
+    let script = "task.delay(2, function() script.stop() end) local loops = 0
+        script.on_stop(function() print('loops ' .. loops) end)
+        while true do robot.move(30, 30, 1) loops += 1 end";
+    let mut run = rig.run(script);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert_eq!(text.matches("robot.undock() first").count(), 1, "{text}");
+    let loops = text.lines().find_map(|line| line.split("loops ").nth(1));
+    let loops: u32 = loops.unwrap().trim().parse().unwrap();
+    assert!((1..=21).contains(&loops), "{text}");
+    assert!(!rig.commands(0).iter().any(moves));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_run_with_a_low_robot_refuses_to_undock() {
     let world = docked().replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
