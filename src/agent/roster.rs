@@ -27,6 +27,7 @@ const ANSWER: Duration = Duration::from_secs(10);
 pub struct BehaviourSpec {
     name: String,
     priority: Priority,
+    problem: Option<String>,
     make: Arc<dyn Fn() -> Result<Behaviour, RosterError> + Send + Sync>,
 }
 
@@ -40,6 +41,7 @@ impl BehaviourSpec {
         BehaviourSpec {
             name: name.into(),
             priority,
+            problem: None,
             make: Arc::new(make),
         }
     }
@@ -53,6 +55,15 @@ impl BehaviourSpec {
 
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Notes why it cannot be started at present, for those who look at the list.
+    pub fn set_problem(&mut self, problem: String) {
+        self.problem = Some(problem);
+    }
+
+    pub fn problem(&self) -> Option<&str> {
+        self.problem.as_deref()
     }
 
     pub(super) fn priority(&self) -> Priority {

@@ -252,6 +252,59 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_mistake_in_a_script_that_only_people_start_does_not_keep_the_service_from_starting() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    rig.file("asked.lua", "robot.volume(43)\nrobot.mvoe(30, 30)\n");
+    let rest = "behaviours:\n- file: drive.lua\n- { file: asked.lua, start: asked }\n\
+                - { file: missing.lua, start: asked }\n";
+    config(&rig, "", rest);
+    let (code, text) = run_spykee(&rig, &["config", "check", "spykee.yaml"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let told = [
+        "`asked` cannot start",
+        "asked.lua:2",
+        "`missing` cannot start",
+    ];
+    assert_contains(&text, &told);
+    let mut run = serve(&rig);
+    rig.heard_motion(0).await;
+    assert_contains(&run.text(), &told);
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    let row = |text: &str, name: &str| -> String {
+        let row = text.lines().find(|line| line.starts_with(name));
+        row.unwrap().to_owned()
+    };
+    assert_contains(&row(&text, "asked"), &["cannot start: ", "asked.lua:2"]);
+    assert_contains(&row(&text, "missing"), &["cannot start: "]);
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["asked.lua:2"]);
+    // It is mended on the disk, and starts.
+    rig.file("asked.lua", "robot.volume(43) task.wait(600)");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
+    let told = |command: &Command| *command == Command::Volume(43);
+    rig.heard(0, told).await;
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    assert!(!row(&text, "asked").contains("cannot start"), "{text}");
+    // A mistake in what runs already does not end it, and the rest of the new settings counts.
+    rig.file("asked.lua", "robot.mvoe(30, 30)");
+    rig.file("new.lua", "robot.volume(44) task.wait(600)");
+    config(&rig, "", &format!("{rest}- file: new.lua\n"));
+    run.signal(Signal::HUP);
+    rig.heard(0, |command| *command == Command::Volume(44))
+        .await;
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    assert_contains(&row(&text, "asked"), &["running"]);
+    ends_well(&mut run).await;
+    // What starts by itself must be right.
+    rig.file("drive.lua", "robot.mvoe(30, 30)");
+    let mut run = serve(&rig);
+    assert_ne!(run.code().await, Some(0));
+    assert_contains(&run.text(), &["drive.lua:1"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn history_says_who_has_started_and_ended_what() {
     let rig = Rig::quiet().await;
     for name in ["guard.lua", "asked.lua", "other.lua"] {
