@@ -53,10 +53,10 @@ impl BehaviourSet {
     ) -> (BehaviourSet, Roster) {
         let statuses = watch::Sender::new(Vec::new());
         let (roster, commands) = Roster::new(statuses.subscribe(), context.viewers.clone());
-        let behaviour_set = BehaviourSet {
+        let mut behaviour_set = BehaviourSet {
             context,
             commands,
-            specs,
+            specs: Vec::new(),
             active: Vec::new(),
             running: JoinSet::new(),
             loading: JoinSet::new(),
@@ -65,6 +65,7 @@ impl BehaviourSet {
             status,
             last: NUMBERS - 1,
         };
+        behaviour_set.define(specs);
         behaviour_set.publish();
         (behaviour_set, roster)
     }
@@ -187,20 +188,34 @@ impl BehaviourSet {
             RosterCommand::Change(change, name, time_limit, by, reply) => {
                 self.change(change, name, time_limit, &by, reply);
             }
-            RosterCommand::StopAll(by, reply) => {
-                for one in &mut self.active {
-                    one.stop_for_good(&by);
-                }
-                // Whoever gets the reply then waits for the behaviours in state `Ending`.
-                self.publish();
-                let _ = reply.send(Ok(()));
+            RosterCommand::StopAll(by, reply) => self.stop_those(|_| true, &by, reply),
+            RosterCommand::StopDrivers(by, reply) => {
+                self.stop_those(ActiveBehaviour::has_driven, &by, reply);
             }
             RosterCommand::Define(specs, reply) => {
-                self.specs = specs;
+                self.define(specs);
                 let _ = reply.send(Ok(()));
             }
         }
         self.publish();
+    }
+
+    fn define(&mut self, specs: Vec<BehaviourSpec>) {
+        for spec in &specs {
+            if let Some(problem) = spec.problem() {
+                self.keep_exit(spec.name(), cannot_start(problem));
+            }
+        }
+        self.specs = specs;
+    }
+
+    /// Whoever gets the reply then waits for the behaviours in state `Ending`.
+    fn stop_those(&mut self, which: impl Fn(&ActiveBehaviour) -> bool, by: &str, reply: Reply) {
+        for one in self.active.iter_mut().filter(|one| which(one)) {
+            one.stop_for_good(by);
+        }
+        self.publish();
+        let _ = reply.send(Ok(()));
     }
 
     fn change(
@@ -261,9 +276,13 @@ impl BehaviourSet {
         let stopped = self.active[at].stop.reason();
         match (loaded, stopped) {
             (Ok((restart_loop, host)), None) => {
-                if let Some(reply) = self.active[at].started.take() {
+                let one = &mut self.active[at];
+                if let Some(reply) = one.started.take() {
                     let _ = reply.send(Ok(()));
                 }
+                let is_over = |exit: &ScriptExit| exit.text().starts_with(CANNOT_START);
+                self.exits
+                    .retain(|(of, exit)| *of != one.name || !is_over(exit));
                 self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
@@ -272,16 +291,14 @@ impl BehaviourSet {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
                         if let RosterError::CannotLoad(why) = &why {
-                            let reason = EndReason::Error;
-                            let message = Some(why.clone());
                             self.context.bus.publish(AgentEvent::Ended {
                                 behaviour: one.name.clone(),
-                                reason,
-                                message: message.clone(),
+                                reason: EndReason::Error,
+                                message: Some(why.clone()),
                                 seconds: 0.0,
                                 by: None,
                             });
-                            self.keep_exit(&one.name, ScriptExit { reason, message });
+                            self.keep_exit(&one.name, cannot_start(why));
                         }
                         why
                     }
@@ -370,6 +387,16 @@ impl BehaviourSet {
     }
 }
 
+const CANNOT_START: &str = "cannot start: ";
+
+/// The exit of a behaviour whose script cannot be loaded.
+fn cannot_start(why: &str) -> ScriptExit {
+    ScriptExit {
+        reason: EndReason::Error,
+        message: Some(format!("{CANNOT_START}{why}")),
+    }
+}
+
 fn refuse(reply: Reply, why: RosterError) {
     let _ = reply.send(Err(why));
 }
@@ -438,6 +465,10 @@ impl ActiveBehaviour {
             return None;
         }
         Some(self.since? + self.time_limit?)
+    }
+
+    fn has_driven(&self) -> bool {
+        self.stop.has_driven()
     }
 
     /// Tells it to end, and not to start again.

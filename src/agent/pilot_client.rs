@@ -135,6 +135,13 @@ impl PilotClient {
         .await
     }
 
+    /// Whether the event says that a docking has taken the tracks from this driver.
+    pub fn has_lost_tracks(&self, event: &Event) -> bool {
+        let motion = MotionId(self.last);
+        let end = MotionEnd::Preempted;
+        *event == Event::MotionEnded { motion, end }
+    }
+
     /// Shows life; a driver must call it at least four times a second.
     pub async fn alive(&self) -> Result<(), PilotClientError> {
         self.ask(Request::Alive(self.by)).await

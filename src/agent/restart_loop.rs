@@ -107,7 +107,7 @@ impl RestartLoop {
             behaviour: self.name().to_owned(),
             by: self.stop.started_by(),
         });
-        let handle = Handle::default();
+        let handle = self.stop.one_life();
         let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;
         let mut life = pin!(supervisor.run(handle.clone()));
         let mut loading = None;

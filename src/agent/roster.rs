@@ -27,6 +27,7 @@ const ANSWER: Duration = Duration::from_secs(10);
 pub struct BehaviourSpec {
     name: String,
     priority: Priority,
+    problem: Option<String>,
     make: Arc<dyn Fn() -> Result<Behaviour, RosterError> + Send + Sync>,
 }
 
@@ -40,6 +41,7 @@ impl BehaviourSpec {
         BehaviourSpec {
             name: name.into(),
             priority,
+            problem: None,
             make: Arc::new(make),
         }
     }
@@ -53,6 +55,15 @@ impl BehaviourSpec {
 
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Notes why it cannot be started at present, for those who look at the list.
+    pub fn set_problem(&mut self, problem: String) {
+        self.problem = Some(problem);
+    }
+
+    pub fn problem(&self) -> Option<&str> {
+        self.problem.as_deref()
     }
 
     pub(super) fn priority(&self) -> Priority {
@@ -184,6 +195,8 @@ pub(super) enum RosterCommand {
     Change(Change, String, Option<Duration>, String, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(String, Reply),
+    /// The same for those that have driven.
+    StopDrivers(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
 }
@@ -262,6 +275,12 @@ impl Roster {
             Ok(Err(_)) => Err(RosterError::Closed),
             Err(_) => Err(RosterError::Busy),
         }
+    }
+
+    /// Has all behaviours end that have driven; does not wait until they have ended.
+    pub async fn stop_drivers(&self, by: String) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::StopDrivers(by, reply))
+            .await
     }
 
     /// Replaces the known behaviours; running behaviours continue.

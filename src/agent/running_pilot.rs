@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tokio::runtime;
 use tokio::sync::{mpsc, watch};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
@@ -21,10 +21,12 @@ use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
 };
 use crate::robot::channel::{MAX_REQUESTS, Request, Role};
-use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
+use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel, WatchdogState};
 use crate::safety::Rescue;
 use crate::script;
 
+/// How long a run goes on after the docking, so that the answer leaves first.
+const ANSWER_TIME: Duration = Duration::from_millis(50);
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2800);
 
@@ -189,12 +191,17 @@ impl RunningPilot {
         is_away(&self.status.borrow())
     }
 
-    /// Waits until a robot that may be driving has executed a stop, for at most
-    /// [`HURRY_LIMIT`](pilot::HURRY_LIMIT), and until one with a low battery is home, also across lost links; returns at once if neither is
-    /// the case, or the pilot has ended. Returns whether one was low and away. Cancel-safe.
+    /// Waits until a docking that a person has ordered is over, until a robot that may be driving has
+    /// executed a stop, for at most [`HURRY_LIMIT`](pilot::HURRY_LIMIT), and until one with a low
+    /// battery is home, also across lost links; returns at once if none is the case, or the pilot has
+    /// ended. Returns whether one was low and away. Cancel-safe.
     pub fn wait_until_settled(&self) -> impl Future<Output = bool> + Send + use<> {
         let mut status = self.status.clone();
         async move {
+            if is_docking(&status.borrow_and_update()) {
+                let _ = status.wait_for(|status| !is_docking(status)).await;
+                sleep(ANSWER_TIME).await;
+            }
             wait_until_stopped(&mut status).await;
             if !is_away(&status.borrow_and_update()) {
                 return false;
@@ -251,6 +258,10 @@ async fn wait_until_stopped(status: &mut watch::Receiver<Status>) {
         Ok(_) => info!("the robot has stopped"),
         Err(_) => warn!("gave up after {minutes} minutes: the robot may be driving"),
     }
+}
+
+fn is_docking(status: &Status) -> bool {
+    status.safety == WatchdogState::Docking
 }
 
 fn is_away(status: &Status) -> bool {

@@ -2,6 +2,7 @@
 //! a host that has ended, for whatever reason, no longer moves the robot. Work that may block on
 //! the system runs on the caller's runtime.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -30,6 +31,7 @@ pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
     started_by: Option<String>,
     ended_by: Arc<OnceLock<String>>,
+    has_driven: Arc<AtomicBool>,
 }
 
 impl Handle {
@@ -49,6 +51,19 @@ impl Handle {
     /// Who has told it to end, or what.
     pub fn ended_by(&self) -> Option<String> {
         self.ended_by.get().cloned()
+    }
+
+    /// Whether it has ever asked for motion, also before a restart.
+    pub fn has_driven(&self) -> bool {
+        self.has_driven.load(Ordering::Relaxed)
+    }
+
+    /// The handle of one life between two restarts.
+    pub fn one_life(&self) -> Handle {
+        Handle {
+            stop: watch::Sender::default(),
+            ..self.clone()
+        }
     }
 
     /// The same as [`Handle::stop`], in the name of `by`.
@@ -228,7 +243,12 @@ impl Supervisor {
                 }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(exit))) => return Some(exit),
-                    Ok(Some(message)) => self.handle_message(message).await,
+                    Ok(Some(message)) => {
+                        if matches!(&message, FromHost::Intent(intent) if intent.drives()) {
+                            handle.has_driven.store(true, Ordering::Relaxed);
+                        }
+                        self.handle_message(message).await;
+                    }
                     Ok(None) => return None,
                     Err(error) => {
                         debug!("the pipe to a host broke: {error}");

@@ -28,6 +28,9 @@ pub(super) struct BehaviourLoader<'a> {
     pub(super) annotate: Option<&'a Path>,
     pub(super) restart: Option<RestartPolicy>,
     pub(super) checked: bool,
+    /// Whether a script that cannot be read is empty until it is started:
+    /// [`check_service`](super::usable::check_service) judges it.
+    pub(super) is_service: bool,
     /// Whether each behaviour is reloaded when its file is saved.
     pub(super) watch: bool,
     /// Seed of the first behaviour; each following one gets the next number.
@@ -88,7 +91,10 @@ impl BehaviourLoader<'_> {
         seed: u64,
         names: &mut Vec<String>,
     ) -> Result<Behaviour, Failure> {
-        let source = read_source(&entry.file)?;
+        let source = match read_source(&entry.file) {
+            Err(_) if self.is_service => Vec::new(),
+            source => source?,
+        };
         let name = unique(entry.name().map_err(Failure::usage)?, names);
         let data = self.config.data_folder().join(&name);
         let data = std::path::absolute(data).map_err(Failure::internal)?;

@@ -86,7 +86,10 @@ pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Diagnost
 }
 
 /// Returns an error if a behaviour has errors; only prints warnings.
-pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
+pub(super) fn before_run<'a>(
+    behaviours: impl IntoIterator<Item = &'a Behaviour>,
+    console: &Console,
+) -> Result<(), Failure> {
     let mut checker = ScriptChecker::new()?;
     for behaviour in behaviours {
         let Launch {

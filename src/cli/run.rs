@@ -207,6 +207,7 @@ fn load(
         annotate: args.annotate.as_deref(),
         restart: args.restart,
         checked: !args.no_check,
+        is_service: false,
         watch: args.watch,
         seed,
         clock: clock(args.date, args.fast, config),

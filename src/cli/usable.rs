@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use super::behaviour_loader::BehaviourLoader;
+use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours, read_source};
 use super::config::unknown_behaviour;
 use super::{Console, Exit, Failure, check, service};
 use crate::clock::Clock;
-use crate::config::Config;
+use crate::config::{Config, Entry, Start};
 use crate::http::{Access, AccessError};
 
 /// Checks the scripts with their parameters, the timetable, the files with secrets, and whether anybody
@@ -23,8 +23,8 @@ pub(super) fn check_config(file: &Path, config: &Config, console: &Console) -> R
 }
 
 fn scripts_and_timetable(file: &Path, config: &Config, console: &Console) -> Result<(), Failure> {
-    let missing = config.behaviours.iter().find(|entry| !entry.file.is_file());
-    if let Some(entry) = missing {
+    let missing = |entry: &&Entry| entry.start != Some(Start::Asked) && !entry.file.is_file();
+    if let Some(entry) = config.behaviours.iter().find(missing) {
         let script = entry.file.display();
         let failure = Failure::usage(format_args!("there is no behaviour {script}"));
         return Err(failure.help("paths are relative to the config's folder"));
@@ -36,13 +36,14 @@ fn scripts_and_timetable(file: &Path, config: &Config, console: &Console) -> Res
         annotate: None,
         restart: None,
         checked: true,
+        is_service: true,
         watch: false,
         seed: 0,
         clock: Clock::default(),
         zone: config.zone(),
     };
-    let loaded = loader.load(&config.behaviours)?;
-    check::before_run(&loaded.behaviours, console)
+    let mut loaded = loader.load(&config.behaviours)?;
+    check_service(&mut loaded, config, true, console)
         .map_err(|failure| failure.help("a run with this config would be refused"))?;
     let names: Vec<String> = loaded
         .specs
@@ -53,6 +54,42 @@ fn scripts_and_timetable(file: &Path, config: &Config, console: &Console) -> Res
         Some((what, known)) => Err(Failure::usage(what).help(known)),
         None => Ok(()),
     }
+}
+
+/// Checks the scripts of a service, with `scripts` also their text. One that starts by itself must be
+/// right. One that only people start may be mended until then: a warning tells why it cannot be
+/// started, and so does its spec.
+pub(super) fn check_service(
+    loaded: &mut LoadedBehaviours,
+    config: &Config,
+    scripts: bool,
+    console: &Console,
+) -> Result<(), Failure> {
+    let table = config.timetable();
+    let mut automatic = Vec::new();
+    let behaviours = loaded.behaviours.iter().zip(&mut loaded.specs);
+    for (entry, (behaviour, spec)) in config.behaviours.iter().zip(behaviours) {
+        let read = read_source(&entry.file);
+        let is_scheduled = table.rules.iter().any(|rule| rule.run == spec.name());
+        if entry.start != Some(Start::Asked) || is_scheduled {
+            read?;
+            automatic.push(behaviour);
+            continue;
+        }
+        let checked = match read {
+            Ok(_) if scripts => check::before_run([behaviour], console),
+            read => read.map(|_| ()),
+        };
+        if let Err(failure) = checked {
+            let text = format!("`{}` cannot start: {}", spec.name(), failure.what);
+            console.write_line("WARN", &text);
+            spec.set_problem(failure.what.lines().next().unwrap_or_default().to_owned());
+        }
+    }
+    if scripts {
+        check::before_run(automatic, console)?;
+    }
+    Ok(())
 }
 
 /// Whether the files are there; only the service's user, or root, may be able to read them.

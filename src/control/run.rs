@@ -8,7 +8,7 @@ use jiff::Timestamp;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
-use tracing::info;
+use tracing::{info, warn};
 
 use super::emergency_stop::EmergencyStop;
 use super::request::RunRequest;
@@ -20,8 +20,8 @@ use crate::clock::Span;
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
 use crate::robot::{
-    BehaviourId, DockPlan, Intent, Pictures, Priority, STOP_HOLDS, StopConfirmation, StopOutcome,
-    Streams, Use, WatchdogState,
+    BehaviourId, DockOutcome, DockPlan, Intent, Pictures, Priority, STOP_HOLDS, StopConfirmation,
+    StopOutcome, Streams, Use, WatchdogState,
 };
 use crate::timetable::{TimetableChange, TimetableOrder, View};
 use crate::vision::validate_markers;
@@ -110,11 +110,11 @@ impl Run {
                 Some(sim) => RunResponse::from_result(change.apply(sim)),
                 None => RunResponse::refused("this robot is not simulated"),
             },
-            request => self.ask_pilot(request).await,
+            request => self.ask_pilot(request, by).await,
         }
     }
 
-    async fn ask_pilot(&self, request: RunRequest) -> RunResponse {
+    async fn ask_pilot(&self, request: RunRequest, by: &str) -> RunResponse {
         let drives = matches!(request, RunRequest::Dock { .. } | RunRequest::Undock { .. });
         if drives && self.emergency_stop.is_on() {
             return RunResponse::refused(STOP_HOLDS);
@@ -125,7 +125,7 @@ impl Run {
         if let Err(why) = self.allowed(&request) {
             return RunResponse::refused(why);
         }
-        match self.join_and_perform(request).await {
+        match self.join_and_perform(request, by).await {
             Ok(response) => response,
             Err(error) => RunResponse::refused(error),
         }
@@ -171,18 +171,21 @@ impl Run {
         }
     }
 
-    async fn join_and_perform(&self, request: RunRequest) -> Result<RunResponse, PilotClientError> {
+    async fn join_and_perform(
+        &self,
+        request: RunRequest,
+        by: &str,
+    ) -> Result<RunResponse, PilotClientError> {
         let mut client = self.pilot_client("a person").await?;
         let intent = match request {
             RunRequest::Dock { seconds, retries } => {
                 let usual = DockPlan::DEFAULT;
-                let docked = client
-                    .dock(DockPlan {
-                        timeout: time_limit(seconds, usual.timeout.as_secs(), MAX_SEARCH),
-                        retries: retries.unwrap_or(usual.retries).min(MAX_RETRIES),
-                        ..usual
-                    })
-                    .await?;
+                let plan = DockPlan {
+                    timeout: time_limit(seconds, usual.timeout.as_secs(), MAX_SEARCH),
+                    retries: retries.unwrap_or(usual.retries).min(MAX_RETRIES),
+                    ..usual
+                };
+                let docked = self.dock(client, plan, by).await?;
                 return Ok(RunResponse::Docked {
                     end: docked.end,
                     attempts: docked.attempts,
@@ -218,6 +221,34 @@ impl Run {
         };
         client.send_intent(intent).await?;
         Ok(RunResponse::Done)
+    }
+
+    /// Docks in the name of `by`, and ends the behaviours that drive as soon as nothing but this
+    /// docking moves the robot: none of them leaves the station a moment later.
+    async fn dock(
+        &self,
+        mut client: PilotClient,
+        plan: DockPlan,
+        by: &str,
+    ) -> Result<DockOutcome, PilotClientError> {
+        let mut status = self.status.clone();
+        let docking = client.dock(plan);
+        tokio::pin!(docking);
+        let begins = async {
+            let begun = status.wait_for(|status| status.safety != WatchdogState::Free);
+            begun.await.is_ok()
+        };
+        tokio::select! {
+            biased;
+            docked = &mut docking => docked,
+            _ = begins => {
+                let by = format!("docking, ordered by {by}");
+                if let Err(error) = self.roster.stop_drivers(by).await {
+                    warn!("the behaviours that drive go on: {error}");
+                }
+                docking.await
+            }
+        }
     }
 
     fn behaviours(&self) -> RunResponse {

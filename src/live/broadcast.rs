@@ -151,9 +151,13 @@ impl Broadcast {
         })
     }
 
-    /// Locks the viewers; only for short lookups.
+    /// Locks the viewers; only for short lookups. A driver whose task has ended is gone.
     pub(super) fn lock_viewers(&self) -> MutexGuard<'_, ViewerList> {
-        self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut viewers = self.viewers.lock().unwrap_or_else(PoisonError::into_inner);
+        viewers
+            .driver
+            .take_if(|(_, setpoints)| setpoints.is_closed());
+        viewers
     }
 
     /// Whenever STOP holds, also one of an earlier program, holds the tracks and takes the drive

@@ -23,7 +23,7 @@ use crate::agent::PilotClientError;
 use crate::clock::{every, until};
 use crate::control::Run;
 use crate::http::{MAX_VIEWERS, Role, Visitor};
-use crate::robot::{Event, Setpoint};
+use crate::robot::{Event, Intent, Setpoint};
 use crate::simulation::TimeScale;
 
 /// The number of the next viewer.
@@ -221,8 +221,9 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// A setpoint and the time it was received.
 pub(super) type TimedSetpoint = (Setpoint, Instant);
 
-/// Drives with the viewer's setpoints until the viewer releases the drive lock. Leaving the pilot
-/// stops the robot, or lets the behaviour with the next lower priority drive.
+/// Drives with the viewer's setpoints until the viewer releases the drive lock, or somebody orders
+/// the robot to its station; such an order that was given before ends here. Leaving the pilot stops
+/// the robot, or lets the behaviour with the next lower priority drive.
 pub(super) async fn drive(run: Run, name: String, mut setpoints: watch::Receiver<TimedSetpoint>) {
     info!("{name} drives by hand");
     if let Err(error) = steer(&run, &name, &mut setpoints).await {
@@ -238,6 +239,7 @@ async fn steer(
     setpoints: &mut watch::Receiver<TimedSetpoint>,
 ) -> Result<(), PilotClientError> {
     let mut client = run.pilot_client(name).await?;
+    client.send_intent(Intent::CancelDock).await?;
     client.drive(Setpoint::STOP).await?;
     let mut heartbeat = every(HEARTBEAT_INTERVAL);
     let mut ends = None;
@@ -260,7 +262,12 @@ async fn steer(
                 client.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
             _ = heartbeat.tick() => client.alive().await?,
-            event = client.next_event() => drop(event?),
+            event = client.next_event() => {
+                if client.has_lost_tracks(&event?) {
+                    info!("the robot was ordered to its station");
+                    return Ok(());
+                }
+            }
         }
     }
 }

@@ -58,6 +58,16 @@ pub enum Intent {
     CancelDock,
 }
 
+impl Intent {
+    /// Whether it asks for motion.
+    pub fn drives(&self) -> bool {
+        matches!(
+            self,
+            Intent::Move { .. } | Intent::Dock { .. } | Intent::Undock { .. }
+        )
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DockPlan {
     /// The longest search of one attempt.

@@ -31,7 +31,8 @@ use super::task::{
 };
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{
-    Battery, DeclaredParam, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo,
+    Battery, DeclaredParam, DockEnd, EndReason, Event, Frame, Intent, MotionEnd, MotionId,
+    RobotInfo,
 };
 use crate::vision::{Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, validate_markers};
 use crate::wire::Stream;
@@ -44,6 +45,8 @@ const COASTING_TIME: Duration = Duration::from_millis(500);
 
 /// After this long without a loud sound the next one is a new noise.
 const QUIET: Duration = Duration::from_secs(1);
+/// How long a call that was refused takes, so that a loop of them leaves time for others.
+const REFUSAL_PAUSE: Duration = Duration::from_millis(100);
 /// The motors may be heard for this long after the robot has moved.
 const MOTOR: Duration = Duration::from_secs(1);
 /// A sound of the robot may be heard for this long after it has begun.
@@ -100,6 +103,8 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
+    /// Why the robot does not move, as last logged.
+    last_refusal: Option<&'static str>,
     last_moved: Option<Instant>,
     last_loud: Option<Instant>,
     last_sounded: Option<Instant>,
@@ -150,6 +155,7 @@ impl State {
             can_wait: true,
             usage: Usage::default(),
             last_call: 0,
+            last_refusal: None,
             last_moved: None,
             last_loud: None,
             last_sounded: None,
@@ -338,26 +344,29 @@ impl State {
         if shows_motion(&event) {
             self.last_moved = Some(self.now);
         }
-        if event == Event::Sounding {
-            self.last_sounded = Some(self.now);
+        match event {
+            Event::Sounding => self.last_sounded = Some(self.now),
+            Event::Undocked | Event::BatteryOk(_) | Event::Connected { .. } => {
+                self.last_refusal = None;
+            }
+            _ => {}
         }
         match event {
             Event::MotionWaiting { motion, on } => {
                 self.motion.set_waiting(motion, on, self.now);
             }
-            Event::MotionEnded { motion, end } => {
-                let runs_on = self.motion.ended(motion);
-                if end == MotionEnd::Done && !runs_on.is_zero() {
-                    self.await_standing(motion, self.now + runs_on);
-                } else {
-                    self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
-                }
-            }
+            Event::MotionEnded { motion, end } => self.motion_ended(motion, end),
             Event::DockEnded { call, outcome } => {
-                self.answer(Wait::Dock(call), || Wakeup::Dock(outcome));
+                let refused = outcome.attempts == 0;
+                self.answer_later(Wait::Dock(call), refusal_pause(refused), || {
+                    Wakeup::Dock(outcome)
+                });
             }
             Event::UndockEnded { call, end } => {
-                self.answer(Wait::Undock(call), || Wakeup::Undock(end));
+                let refused = end != DockEnd::Done;
+                self.answer_later(Wait::Undock(call), refusal_pause(refused), || {
+                    Wakeup::Undock(end)
+                });
             }
             Event::Audio(ref samples) => {
                 self.detect_noise(samples);
@@ -430,17 +439,55 @@ impl State {
                 .is_empty()
     }
 
-    /// Answers the tasks that wait for this motion when the tracks stand.
-    fn await_standing(&mut self, motion: MotionId, until: Instant) {
-        for id in self.tasks.waiting_for(|wait| *wait == Wait::Motion(motion)) {
-            self.tasks.wait(id, Wait::Standing, Some(until));
+    /// Answers the tasks that wait for this motion: when the tracks stand, or, if it was refused or
+    /// taken away, a moment later.
+    fn motion_ended(&mut self, motion: MotionId, end: MotionEnd) {
+        let is_current = self.motion.current() == Some(motion);
+        let runs_on = self.motion.ended(motion);
+        let pause = match end {
+            MotionEnd::Done => runs_on,
+            MotionEnd::Blocked => Duration::ZERO,
+            _ => REFUSAL_PAUSE,
+        };
+        self.warn_of_refusal(motion, end, is_current);
+        self.answer_later(Wait::Motion(motion), pause, || Wakeup::Motion(end));
+    }
+
+    /// Says why the robot does not move, once until there is another reason or this one is gone.
+    fn warn_of_refusal(&mut self, motion: MotionId, end: MotionEnd, is_current: bool) {
+        let is_awaited = |wait: &Wait| *wait == Wait::Motion(motion);
+        let why = match end {
+            MotionEnd::Docked => "the robot is on its station: robot.undock() first",
+            MotionEnd::Safety => {
+                "the watchdog lets nothing drive: the battery is low, or the guardian process that \
+                 could stop the robot is missing"
+            }
+            MotionEnd::Disconnected => "the robot is not connected: nothing can drive it",
+            MotionEnd::Preempted if is_current => {
+                "another behaviour or a person drives the robot, or it is docking"
+            }
+            MotionEnd::Preempted if !self.tasks.waiting_for(is_awaited).is_empty() => {
+                "another part of this script drives too: each motion ends the one before it"
+            }
+            _ => return,
+        };
+        if self.is_running() && self.last_refusal.replace(why) != Some(why) {
+            self.log(Level::Warn, why);
         }
     }
 
     /// Wakes the tasks that wait for exactly this.
     pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
+        self.answer_later(awaited, Duration::ZERO, answer);
+    }
+
+    fn answer_later(&mut self, awaited: Wait, pause: Duration, answer: impl Fn() -> Wakeup) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
-            self.tasks.wake(id, answer(), self.now);
+            if pause.is_zero() {
+                self.tasks.wake(id, answer(), self.now);
+            } else {
+                self.tasks.wake_at(id, answer(), self.now + pause);
+            }
         }
     }
 
@@ -538,7 +585,6 @@ impl State {
                 Wakeup::Refused("timeout")
             }
             Wait::Module(_) => Wakeup::Again,
-            Wait::Standing => Wakeup::Motion(MotionEnd::Done),
             Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
                 Wakeup::Refused("timeout")
             }
@@ -560,6 +606,9 @@ impl State {
         match &mut task.phase {
             TaskPhase::Running => task.cancel = Cancel::Requested,
             TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
+            TaskPhase::Ready(_) if task.timer.is_some() => {
+                self.tasks.wake(id, Wakeup::Cancelled, self.now);
+            }
             TaskPhase::Ready(answer) => *answer = Wakeup::Cancelled,
             TaskPhase::Waiting(wait) => {
                 let wait = *wait;
@@ -917,6 +966,14 @@ impl RobotState {
             Event::Moving { on } => self.moving = *on,
             _ => {}
         }
+    }
+}
+
+fn refusal_pause(refused: bool) -> Duration {
+    if refused {
+        REFUSAL_PAUSE
+    } else {
+        Duration::ZERO
     }
 }
 

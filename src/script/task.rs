@@ -79,8 +79,6 @@ pub(super) enum Wait {
     },
     Event(EventName),
     Motion(MotionId),
-    /// Waits until the tracks stand after a motion that is done.
-    Standing,
     Dock(CallId),
     Undock(CallId),
     Join(TaskId),
@@ -365,6 +363,17 @@ impl Tasks {
             self.timers.remove(&timer);
         }
         self.enqueue(id, now);
+    }
+
+    /// Wakes a task at this time.
+    pub(super) fn wake_at(&mut self, id: TaskId, answer: Wakeup, at: Instant) {
+        if let Some(task) = self.all.get_mut(&id) {
+            task.phase = TaskPhase::Ready(answer);
+            if let Some(timer) = task.timer.take() {
+                self.timers.remove(&timer);
+            }
+            self.set_timer(id, at, Due::Run(id));
+        }
     }
 
     fn enqueue(&mut self, id: TaskId, now: Instant) {

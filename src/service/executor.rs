@@ -392,11 +392,17 @@ impl Executor {
         if let Err(why) = self.orders.define(service_plan.specs.clone()).await {
             return error!("the new settings were not applied: {why}");
         }
+        let can_start = |run: &str| {
+            let spec = service_plan.specs.iter().find(|one| one.name() == run);
+            spec.is_some_and(|spec| spec.problem().is_none())
+        };
         for run in self.running.clone() {
             let before = self.service_plan.fingerprints.get(&run);
             match service_plan.fingerprints.get(&run) {
                 None => self.orders.give(Change::Stop, run, READ_AGAIN),
-                now if now != before => self.orders.give(Change::Restart, run, READ_AGAIN),
+                now if now != before && can_start(&run) => {
+                    self.orders.give(Change::Restart, run, READ_AGAIN)
+                }
                 _ => {}
             }
         }

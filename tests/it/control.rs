@@ -197,7 +197,9 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
 #[tokio::test(flavor = "multi_thread")]
 async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request() {
     let rig = Rig::near_home().await;
-    let run = running(&rig, DRIVE).await;
+    rig.file("idle.lua", IDLE);
+    rig.file("drive.lua", DRIVE);
+    let run = rig.spykee(&["run", "idle.lua", "drive.lua", "--robot", &rig.address]);
     rig.heard_motion(0).await;
     rig.sim.hide_station(true);
     let mut dock = rig.spykee(&["robot", "dock"]);
@@ -207,12 +209,41 @@ async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request(
     let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
     let cancelled = rig.heard(asked, cancel).await;
     assert!(!rig.commands_between(asked, cancelled).iter().any(moves));
+    // What drove has ended with the order, and drives again when a person starts it.
+    succeed(&rig, &["behaviour", "start", "drive"]).await;
     rig.heard_motion(cancelled).await;
     rig.sim.hide_station(false);
     let (code, text) = run_spykee(&rig, &["robot", "dock", "--json"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     assert_eq!(json(&text)["end"].as_str(), Some("done"));
     assert!(rig.sim.state().docked);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_of_which_a_docking_has_ended_the_last_behaviour_ends_on_the_station() {
+    let rig = Rig::near_home().await;
+    let mut run = running(&rig, DRIVE).await;
+    rig.heard_motion(0).await;
+    let text = succeed(&rig, &["robot", "dock"]).await;
+    assert_contains(&text, &["on its station"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(rig.sim.state().docked);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_loop_that_drives_a_robot_on_its_station_is_told_why_it_stands() {
+    let rig = Rig::new(&docked(), Firmware::default()).await;
+    let script = "task.delay(2, function() script.stop() end) local loops = 0
+        script.on_stop(function() print('loops ' .. loops) end)
+        while true do robot.move(30, 30, 1) loops += 1 end";
+    let mut run = rig.run(script);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert_eq!(text.matches("robot.undock() first").count(), 1, "{text}");
+    let loops = text.lines().find_map(|line| line.split("loops ").nth(1));
+    let loops: u32 = loops.unwrap().trim().parse().unwrap();
+    assert!((1..=21).contains(&loops), "{text}");
+    assert!(!rig.commands(0).iter().any(moves));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -456,6 +456,39 @@ async fn one_page_drives_and_the_others_see_who() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_docking_takes_the_drive_lock_and_taking_it_ends_the_docking() {
+    let rig = Rig::near_home().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    rig.sim.hide_station(true);
+    drive_by_hand(&rig, &mut page).await;
+    let from = rig.sim.heard_count();
+    page.send_text("{\"type\":\"command\",\"id\":1,\"command\":{\"do\":\"dock\"}}")
+        .await;
+    let asked = rig.heard_dock(from).await;
+    page.until("state", |state| state["driver"].is_null()).await;
+    page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
+    let answer = page.until("answer", |answer| answer["id"] == 1).await;
+    assert_eq!(answer["text"], "cancelled");
+    let cancelled = rig.heard_cancel(asked).await;
+    assert!(!rig.commands_between(asked, cancelled).iter().any(moves));
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
+    page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
+    rig.heard_motion(cancelled).await;
+    rig.sim.hide_station(false);
+    assert_eq!(post(&at, "/api/dock", "", json!({})).await.0, 200);
+    page.until("state", |state| {
+        state["driver"].is_null() && state["docked"] == true
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn stop_blocks_all_motion_until_it_is_released() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, DRIVE, &[]).await;

@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rustix::process::Signal;
 use spykee::sim::{Firmware, Options, World};
-use spykee::wire::{Command, Led, Sound};
+use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
 use crate::rig::{
@@ -252,6 +252,59 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_mistake_in_a_script_that_only_people_start_does_not_keep_the_service_from_starting() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    rig.file("asked.lua", "robot.volume(43)\nrobot.mvoe(30, 30)\n");
+    let rest = "behaviours:\n- file: drive.lua\n- { file: asked.lua, start: asked }\n\
+                - { file: missing.lua, start: asked }\n";
+    config(&rig, "", rest);
+    let (code, text) = run_spykee(&rig, &["config", "check", "spykee.yaml"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let told = [
+        "`asked` cannot start",
+        "asked.lua:2",
+        "`missing` cannot start",
+    ];
+    assert_contains(&text, &told);
+    let mut run = serve(&rig);
+    rig.heard_motion(0).await;
+    assert_contains(&run.text(), &told);
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    let row = |text: &str, name: &str| -> String {
+        let row = text.lines().find(|line| line.starts_with(name));
+        row.unwrap().to_owned()
+    };
+    assert_contains(&row(&text, "asked"), &["cannot start: ", "asked.lua:2"]);
+    assert_contains(&row(&text, "missing"), &["cannot start: "]);
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["asked.lua:2"]);
+    // It is mended on the disk, and starts.
+    rig.file("asked.lua", "robot.volume(43) task.wait(600)");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
+    let told = |command: &Command| *command == Command::Volume(43);
+    rig.heard(0, told).await;
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    assert!(!row(&text, "asked").contains("cannot start"), "{text}");
+    // A mistake in what runs already does not end it, and the rest of the new settings counts.
+    rig.file("asked.lua", "robot.mvoe(30, 30)");
+    rig.file("new.lua", "robot.volume(44) task.wait(600)");
+    config(&rig, "", &format!("{rest}- file: new.lua\n"));
+    run.signal(Signal::HUP);
+    rig.heard(0, |command| *command == Command::Volume(44))
+        .await;
+    let text = succeed(&rig, &["behaviour", "list"]).await;
+    assert_contains(&row(&text, "asked"), &["running"]);
+    ends_well(&mut run).await;
+    // What starts by itself must be right.
+    rig.file("drive.lua", "robot.mvoe(30, 30)");
+    let mut run = serve(&rig);
+    assert_ne!(run.code().await, Some(0));
+    assert_contains(&run.text(), &["drive.lua:1"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn history_says_who_has_started_and_ended_what() {
     let rig = Rig::quiet().await;
     for name in ["guard.lua", "asked.lua", "other.lua"] {
@@ -281,6 +334,37 @@ async fn history_says_who_has_started_and_ended_what() {
         2,
         "{text}"
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_who_sends_the_robot_home_ends_what_drives_and_history_says_who() {
+    let rig = Rig::near_home().await;
+    rig.file("watch.lua", "task.wait(600)");
+    let patrol =
+        "while true do robot.undock() robot.move(30, 30, 0.2) robot.move(-30, -30, 0.2) end";
+    rig.file("patrol.lua", patrol);
+    let behaviours = "behaviours:\n- file: watch.lua\n- file: patrol.lua\n";
+    config(&rig, "", behaviours);
+    let mut run = serve(&rig);
+    rig.heard_motion(0).await;
+    let text = succeed(&rig, &["robot", "dock"]).await;
+    assert_contains(&text, &["on its station"]);
+    let docked = rig.sim.heard_count();
+    let ended =
+        async { while run_spykee(&rig, &["behaviour", "stop", "patrol"]).await.0 == Some(0) {} };
+    timeout(WAIT_LIMIT, ended).await.expect("patrol goes on");
+    assert!(rig.sim.state().docked);
+    let leaves = |one: &Command| moves(one) || *one == Command::Engine(Engage::Undock);
+    assert!(!rig.commands(docked).iter().any(leaves));
+    // A person starts it again.
+    succeed(&rig, &["behaviour", "start", "patrol"]).await;
+    rig.heard_motion(docked).await;
+    ends_well(&mut run).await;
+    let args = ["history", "runs", "--config", "spykee.yaml"];
+    let text = succeed(&rig, &args).await;
+    let ends = "docking, ordered by the command line";
+    let rows = |name: &str| text.lines().filter(|line| line.contains(name)).count();
+    assert_eq!((rows(ends), rows("watch")), (1, 1), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -11,7 +11,8 @@ use crate::cli::assembly::zone;
 use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use crate::cli::config::unknown_behaviour;
 use crate::cli::settings::CommandSettings;
-use crate::cli::{Console, Failure, check, live};
+use crate::cli::usable::check_service;
+use crate::cli::{Console, Failure, live};
 use crate::clock::Clock;
 use crate::config::{Config, Entry, Service, Start};
 use crate::live::RunDefinition;
@@ -44,17 +45,17 @@ impl PlanLoader {
             annotate: None,
             restart: None,
             checked: self.checked,
+            is_service: true,
             watch: false,
             seed: self.seed,
             clock: self.clock,
             zone: zone(self.fast, config),
         };
+        let mut loaded = loader.load(&config.behaviours)?;
+        check_service(&mut loaded, config, self.checked, &self.console)?;
         let LoadedBehaviours {
             behaviours, specs, ..
-        } = loader.load(&config.behaviours)?;
-        if self.checked {
-            check::before_run(&behaviours, &self.console)?;
-        }
+        } = loaded;
         let names: Vec<String> = specs.iter().map(|one| one.name().to_owned()).collect();
         let table = Timetable {
             zone: zone(self.fast, config),

@@ -47,7 +47,8 @@ fn move_with_seconds_waits_for_the_answer() {
     rig.deliver(motion_ended(&intents[0], MotionEnd::Done));
     let intents = rig.take_intents();
     rig.deliver(motion_ended(&intents[0], MotionEnd::Safety));
-    assert_eq!(rig.texts(), ["true done", "false safety"]);
+    rig.pass(0.2);
+    assert_eq!(rig.logged(Level::Info), ["true done", "false safety"]);
     assert_eq!(rig.take_intents(), []);
 }
 
@@ -110,6 +111,89 @@ fn cancelling_a_timed_move_releases_it() {
             motion: MotionId(1)
         }
     );
+}
+
+/// Answers each motion at once for this many seconds; returns how many there were.
+fn refuse_for(rig: &mut Rig, seconds: u32, ends: &[MotionEnd]) -> usize {
+    let mut count = 0;
+    for _ in 0..seconds * 100 {
+        for intent in rig.take_intents() {
+            if matches!(intent, Intent::Move { .. }) {
+                rig.deliver(motion_ended(&intent, ends[count % ends.len()]));
+                count += 1;
+            }
+        }
+        rig.pass(0.01);
+    }
+    count
+}
+
+#[test]
+fn a_refused_motion_takes_a_moment_and_its_reason_is_told_once() {
+    use MotionEnd::{Docked, Done, Preempted, Safety};
+    let mut rig = Rig::new("while true do robot.move(30, 30, 1) end");
+    let refused = refuse_for(&mut rig, 5, &[Docked]);
+    assert!((30..=51).contains(&refused), "{refused}");
+    let docked = "the robot is on its station: robot.undock() first";
+    assert_eq!(rig.logged(Level::Warn), [docked]);
+    refuse_for(&mut rig, 1, &[Safety]);
+    refuse_for(&mut rig, 2, &[Preempted, Done]);
+    assert_eq!(rig.logged(Level::Warn).len(), 3);
+    rig.deliver(Event::Undocked);
+    refuse_for(&mut rig, 1, &[Preempted]);
+    assert_eq!(rig.logged(Level::Warn).len(), 4, "{:?}", rig.log);
+}
+
+#[test]
+fn a_handler_that_drives_without_a_time_is_told_too_and_goes_on() {
+    let mut rig = Rig::new("robot.on('sound_finished', function() robot.move(10, 10) end)");
+    for _ in 0..20 {
+        rig.deliver(Event::SoundFinished);
+        let intents = rig.take_intents();
+        rig.deliver(motion_ended(&intents[0], MotionEnd::Docked));
+    }
+    assert_eq!(rig.logged(Level::Warn).len(), 1);
+    // A handler that waits for its motion is called again after it.
+    let mut rig =
+        Rig::new("robot.on('sound_finished', function() print(robot.move(10, 10, 1)) end)");
+    for _ in 0..3 {
+        rig.deliver(Event::SoundFinished);
+        let intents = rig.take_intents();
+        rig.deliver(motion_ended(&intents[0], MotionEnd::Docked));
+        rig.pass(0.2);
+    }
+    assert_eq!(rig.logged(Level::Info), ["false docked"; 3]);
+}
+
+#[test]
+fn two_loops_that_drive_do_not_spin() {
+    let mut rig = Rig::new(
+        "local function go() while true do robot.move(30, 30, 1) end end
+         task.spawn(go) task.spawn(go)",
+    );
+    let mut last = None;
+    let mut count = 0;
+    for _ in 0..100 {
+        for intent in rig.take_intents() {
+            if let Some(last) = last.replace(intent) {
+                rig.deliver(motion_ended(&last, MotionEnd::Preempted));
+            }
+            count += 1;
+        }
+        rig.pass(0.01);
+    }
+    assert!((2..=22).contains(&count), "{count}");
+    assert_eq!(rig.logged(Level::Warn).len(), 1, "{:?}", rig.log);
+}
+
+#[test]
+fn a_refused_motion_can_be_cancelled_before_its_call_returns() {
+    let mut rig = Rig::new("print(task.timeout(0.05, function() robot.move(10, 10, 1) end))");
+    let intents = rig.take_intents();
+    rig.deliver(motion_ended(&intents[0], MotionEnd::Docked));
+    rig.pass(0.06);
+    assert_eq!(rig.logged(Level::Info), ["false timeout"]);
+    rig.assert_ended(EndReason::Done, "");
 }
 
 #[test]
@@ -221,6 +305,7 @@ fn dock_waits_for_its_answer_and_returns_it() {
             _ => panic!("{intents:?}"),
         };
         rig.deliver(answer);
+        rig.pass(0.2);
     }
     assert_eq!(rig.texts()[0], "true done 2 1.5");
     let failed = &rig.texts()[1];
