@@ -1,7 +1,8 @@
 -- hello: says hello with lights and sounds. It does not drive, so it runs anywhere, even on the
 -- charging station. It ends after a few seconds.
 
-print("hello, I am", robot.info().name)
+local me = robot.info()
+print("hello, I am", if me then me.name else "not connected yet")
 
 -- One light after the other, then all together.
 for _, light in { "left", "flash", "right" } do
@@ -21,5 +22,5 @@ else
 end
 
 -- A laugh if the battery is above 25 %, otherwise an alarm.
-robot.play((battery.percent or 100) > 25 and "laugh" or "alarm")
+robot.play(if (battery.percent or 100) > 25 then "laugh" else "alarm")
 task.wait(1)

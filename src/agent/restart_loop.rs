@@ -12,9 +12,8 @@ use tracing::{error, info, warn};
 use super::Behaviour;
 use crate::behaviour::{
     Handle, HostContext, Inspector, Launch, Prepared, RestartDecision, RestartPolicy,
-    RestartTracker, Supervisor,
+    RestartTracker, ScriptChecker, Supervisor,
 };
-use crate::check;
 use crate::clock::or_never;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{AgentEvent, BehaviourId, EndReason};
@@ -144,7 +143,7 @@ impl RestartLoop {
 
     /// Decides what follows an ending that no save has caused; `None`: nothing.
     async fn decide_next(&mut self, exit: &ScriptExit) -> Option<Result<Prepared, ScriptExit>> {
-        let verdict = if self.outdated {
+        let verdict = if self.outdated || self.stop.reason().is_some() {
             RestartDecision::Over
         } else {
             self.restarts.ended(exit.reason, Instant::now())
@@ -301,22 +300,18 @@ impl RestartLoop {
     }
 }
 
-/// Refuses a text in which the check finds an error.
+/// Refuses a text if the check finds an error in it or in one of its modules.
 fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), ScriptExit> {
-    let options = &launch.options;
     let failed = |message| ScriptExit {
         reason: EndReason::Error,
         message: Some(message),
     };
-    let errors = match inspector {
-        Some(inspector) => inspector
-            .errors(&launch.source, options)
-            .map_err(|why| failed(format!("{}: cannot be checked: {why}", options.chunk)))?,
-        None => check::errors(&launch.source, options),
-    };
-    errors
-        .first()
-        .map_or(Ok(()), |error| Err(failed(error.text())))
+    let mut checker = ScriptChecker::new(inspector);
+    checker.behaviour(launch).map_err(failed)?;
+    match checker.errors().next() {
+        Some(error) => Err(failed(error.text())),
+        None => Ok(()),
+    }
 }
 
 pub(super) fn report(name: &str, exit: &ScriptExit) {

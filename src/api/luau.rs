@@ -1,8 +1,11 @@
-//! The API as definitions for luau-lsp, which completes names and checks types in editors.
+//! The API as definitions for luau-lsp, which completes names and checks types in editors. An event's
+//! handler gets `any`: Luau's checkers do not take the type of an unannotated parameter from overloads,
+//! and the newer one refuses whole definitions with an overload for each event as too complex
+//! (`scripts/types`).
 
 use std::fmt::Write as _;
 
-use super::model::{Constant, Function, Namespace, Object, Type, Value};
+use super::model::{Constant, Function, Namespace, Object, Value};
 
 /// Returns the text of `spykee.d.luau`.
 pub fn luau() -> String {
@@ -33,11 +36,12 @@ pub fn module_stub(module: &Namespace) -> String {
         parameters.extend(function.rest.map(|_| "...: any".to_owned()));
         let _ = writeln!(
             text,
-            "\n--- {}\nfunction {}({}): {}\n\treturn nil :: any\nend",
+            "\n--- {}\nfunction {}({}): {}\n\treturn {}\nend",
             function.doc,
             function.path,
             parameters.join(", "),
-            function.returns_luau()
+            function.returns_luau(),
+            vec!["nil :: any"; function.returns.len()].join(", ")
         );
     }
     let _ = writeln!(text, "\nreturn {name}");
@@ -130,31 +134,7 @@ fn declare(text: &mut String, namespace: &Namespace) {
     }
     for function in namespace.functions {
         let _ = writeln!(text, "\t--- {}", function.doc);
-        let _ = writeln!(text, "\t{}: {},", function.key(), field_type(function));
+        let _ = writeln!(text, "\t{}: {},", function.key(), function.luau_type());
     }
     *text += "}\n";
-}
-
-/// A function's type. A function that takes an event is overloaded, with one case for each event.
-fn field_type(function: &Function) -> String {
-    if !function.takes_an_event() {
-        return function.luau_type();
-    }
-    let returns_payload = |value: &Value| matches!(value.kind, Type::Payload);
-    let returns_payload = function.returns.iter().any(returns_payload);
-    let cases: Vec<_> = super::events()
-        .map(|event| {
-            let payload = event.payload.unwrap_or("{}");
-            let one = function.luau_type();
-            let one = one.replacen("EventName", &format!("\"{}\"", event.name), 1);
-            let one = one.replace("payload: any", &format!("payload: {payload}"));
-            if returns_payload {
-                one.replacen("(any,", &format!("({payload}?,"), 1)
-            } else {
-                one
-            }
-        })
-        .map(|case| format!("({case})"))
-        .collect();
-    cases.join("\n\t\t& ")
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::host::STACK;
-use crate::check::{CheckContext, Diagnostic, Required, Severity, check, required};
+use crate::check::{CheckContext, Diagnostic, Required, check, required};
 use crate::sandbox::{self, SandboxPolicy, Worker, WorkerError};
 use crate::script::Options;
 
@@ -57,13 +57,14 @@ impl Inspector {
         let answer = self.0.ask(&policy, &question, LIMIT, &|| true)?;
         postcard::from_bytes(&answer).map_err(broken)
     }
+}
 
-    /// Returns the errors that prevent the script from running with these options, without the
-    /// warnings.
-    pub fn errors(&self, source: &[u8], options: &Options) -> Result<Vec<Diagnostic>, WorkerError> {
-        let mut diagnostics = self.inspect(source, options, "")?.diagnostics;
-        diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
-        Ok(diagnostics)
+/// Inspects a text in this process.
+pub(super) fn inspect(source: &[u8], options: &Options, folder: &str) -> Inspected {
+    let context = CheckContext::new(options, Some(Path::new(&options.chunk)));
+    Inspected {
+        diagnostics: check(source, &options.chunk, &context),
+        required: required(source, folder),
     }
 }
 
@@ -72,11 +73,7 @@ pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     sandbox::answer(arguments, STACK, |question| {
         let (source, options, folder): (Vec<u8>, Options, String) =
             postcard::from_bytes(question).map_err(io::Error::other)?;
-        let context = CheckContext::new(&options, Some(Path::new(&options.chunk)));
-        let inspected = Inspected {
-            diagnostics: check(&source, &options.chunk, &context),
-            required: required(&source, &folder),
-        };
+        let inspected = inspect(&source, &options, &folder);
         postcard::to_allocvec(&inspected).map_err(io::Error::other)
     })
 }

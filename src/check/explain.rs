@@ -233,6 +233,11 @@ impl<'a> ErrorSite<'a> {
         if words.starts_with("invalid argument #") || words.starts_with("missing argument #") {
             return self.library_argument(words);
         }
+        if words == "table" {
+            let (call, _) = self.call_of("error")?;
+            let error = self.error(call.span, "the error is a table, which says nothing here");
+            return Some(error.help("write error(\"what has happened\")"));
+        }
         self.api(words)
     }
 }
@@ -650,6 +655,10 @@ impl<'a> ErrorSite<'a> {
         let (wanted, got) = detail.split_once(" expected").unwrap_or((detail, ""));
         let got = got.split("got ").nth(1).unwrap_or("nothing");
         let path = callee.of(self.source.text);
+        if detail.starts_with("max must be") {
+            let order = "the lower limit comes first, and must not be above the upper one";
+            return Some(self.error(callee, format!("{path}: {order}")));
+        }
         let argument = arguments.get(number.saturating_sub(1));
         let message = match argument {
             Some(argument) => format!(

@@ -311,9 +311,24 @@ impl ErrorSite<'_> {
             let token = tokens.get(at);
             token.is_some_and(|token| token.kind == TokenKind::Number)
         };
+        let adjoins = |at: usize| tokens[at + 1].span.start == tokens[at].span.end;
+        // Whether a place is in the test of an `if` or of a loop.
+        let is_tested = |at: usize| {
+            let words = ["if", "elseif", "while", "until", "then", "do", "("];
+            let opening = texts[..at].iter().rposition(|text| words.contains(text));
+            opening.is_some_and(|opening| words[..4].contains(&texts[opening]))
+        };
         for (at, token) in tokens.iter().enumerate() {
             let (last, message, help) = match &texts[at..] {
-                ["=", ">", ..] if tokens[at + 1].span.start == token.span.end => {
+                ["=", ">", ..] if adjoins(at) && is_tested(at) => {
+                    let help = "\"greater or equal\" is written >=";
+                    (at + 1, "'=>' is not known here", help.to_owned())
+                }
+                ["=", "<", ..] if adjoins(at) => {
+                    let help = "\"less or equal\" is written <=";
+                    (at + 1, "'=<' is not known here", help.to_owned())
+                }
+                ["=", ">", ..] if adjoins(at) => {
                     let help = "write function(name) ... end";
                     (at + 1, "a function is not written with =>", help.to_owned())
                 }
@@ -339,21 +354,27 @@ impl ErrorSite<'_> {
 
     fn single_equals(&self) -> Option<Diagnostic> {
         let tokens = self.on_line();
-        let begins = tokens
-            .iter()
-            .position(|token| matches!(self.text(token), "if" | "elseif" | "while" | "until"))?;
-        let equals = tokens[begins..]
-            .iter()
-            .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
-        if self.text(equals) != "=" {
+        let texts: Vec<&str> = tokens.iter().map(|token| self.text(token)).collect();
+        let is_opening = |text: &&str| matches!(*text, "if" | "elseif" | "while" | "until");
+        let begins = texts.iter().position(is_opening)? + 1;
+        let find = |from: usize, words: &[&str]| {
+            let found = texts[from..].iter().position(|text| words.contains(text));
+            found.map(|found| from + found)
+        };
+        let at = find(begins, &["=", "then", "do"])?;
+        let equals = tokens[at];
+        if texts[at] != "=" {
             return None;
         }
-        let between = tokens[begins..]
-            .iter()
-            .filter(|token| token.span.start < equals.span.start);
-        let names: Vec<&str> = between.skip(1).map(|token| self.text(token)).collect();
-        if names.contains(&",") && !names.contains(&"(") {
-            let message = "several results cannot be set here";
+        let names = &texts[begins..at];
+        let end = find(at, &["then", "do"]).unwrap_or(texts.len());
+        let is_call = names.len() == 1 && texts[at..end].contains(&"(");
+        if is_call || names.contains(&",") && !names.contains(&"(") {
+            let message = if is_call {
+                "a result cannot be set here"
+            } else {
+                "several results cannot be set here"
+            };
             let help = format!(
                 "on the line before, write local {} = ...; here test {}",
                 names.concat().replace(',', ", "),

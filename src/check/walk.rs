@@ -9,7 +9,8 @@ use super::CheckContext;
 use super::diagnostic::{Diagnostic, Severity, SourceText};
 use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
-use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use super::passing;
+use super::tree::{Block, Entry, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use crate::api::{self, Function};
 use crate::script::suggestion;
 
@@ -349,9 +350,23 @@ impl<'a> Walk<'a> {
             }
             ExprKind::Item(list, index) => self.item(list, index, expr.span),
             ExprKind::Binary(operator, left, right) => self.operands(operator, left, right),
+            ExprKind::Table(entries) => entries.iter().for_each(|entry| self.kept(entry)),
             _ => {}
         }
         self.exprs(expr.parts());
+    }
+
+    /// Warns of `enter = robot.led("left", true)`: the call has no result that the name could get.
+    fn kept(&mut self, entry: &'a Entry) {
+        if let Entry::Named(name, _, value) = entry
+            && let ExprKind::Call(callee, _) = &value.kind
+            && let ValueKind::Native(function) = self.kinds.kind_of(callee)
+            && function.returns.is_empty()
+        {
+            let message = format!("`{name}` stays nil: {} returns nothing", function.path);
+            let help = passing::help(self.source.text, value, None, false);
+            self.warning(value.span, message, help.unwrap_or_default());
+        }
     }
 
     fn global(&mut self, name: &'a str, span: Span) {

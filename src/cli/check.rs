@@ -1,6 +1,5 @@
 //! `spykee check`: finds mistakes in scripts without running them.
 
-use std::collections::{BTreeSet, VecDeque};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -8,11 +7,11 @@ use super::behaviour_loader::{params, read_source};
 use super::settings::CommandSettings;
 use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
-use crate::behaviour::{Inspected, Inspector, Launch, Library};
+use crate::behaviour::{Inspector, Launch, Library, ScriptChecker};
 use crate::check::{Diagnostic, Severity};
 use crate::config::{Config, Entry};
 use crate::sanitize;
-use crate::script::{ModuleFile, Options};
+use crate::script::Options;
 
 /// Check behaviours for mistakes without running them
 #[derive(Debug, Clone, clap::Args)]
@@ -35,10 +34,10 @@ pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, 
     for path in &args.files {
         files.extend(scripts(path, ".lua")?);
     }
-    let mut checker = ScriptChecker::new()?;
+    let mut checker = checker()?;
     for file in &files {
-        let (source, options) = of_file(file, config, path)?;
-        checker.behaviour(&source, &options)?;
+        let launch = of_file(file, config, path)?;
+        checker.behaviour(&launch).map_err(cannot_check)?;
     }
     let count = checker.seen.len();
     let diagnostics = checker.diagnostics;
@@ -56,11 +55,7 @@ pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, 
 }
 
 /// Reads a script and its options from the config.
-fn of_file(
-    file: &Path,
-    config: &Config,
-    path: Option<&Path>,
-) -> Result<(Vec<u8>, Options), Failure> {
+fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Launch, Failure> {
     let source = read_source(file)?;
     let is_this = |entry: &&Entry| same_file(&entry.file, file);
     let entry = config.behaviours.iter().find(is_this);
@@ -68,7 +63,17 @@ fn of_file(
         params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
         ..config.script("check", file.display().to_string(), 0)
     };
-    Ok((source, options))
+    Ok(launch(source, options))
+}
+
+/// A launch for a check only: modules are found beside the file that the options name.
+fn launch(source: Vec<u8>, options: Options) -> Launch {
+    let library = Library::beside(Path::new(&options.chunk));
+    Launch {
+        source,
+        options,
+        library,
+    }
 }
 
 pub(super) fn same_file(one: &Path, other: &Path) -> bool {
@@ -79,9 +84,10 @@ pub(super) fn same_file(one: &Path, other: &Path) -> bool {
 }
 
 /// The diagnostics for a script that would run with these options.
-pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Diagnostic>, Failure> {
-    let mut checker = ScriptChecker::new()?;
-    checker.behaviour(source, options)?;
+pub(super) fn of_source(source: &[u8], options: Options) -> Result<Vec<Diagnostic>, Failure> {
+    let mut checker = checker()?;
+    let launch = launch(source.to_vec(), options);
+    checker.behaviour(&launch).map_err(cannot_check)?;
     Ok(checker.diagnostics)
 }
 
@@ -90,12 +96,9 @@ pub(super) fn before_run<'a>(
     behaviours: impl IntoIterator<Item = &'a Behaviour>,
     console: &Console,
 ) -> Result<(), Failure> {
-    let mut checker = ScriptChecker::new()?;
+    let mut checker = checker()?;
     for behaviour in behaviours {
-        let Launch {
-            source, options, ..
-        } = &behaviour.launch;
-        checker.behaviour(source, options)?;
+        checker.behaviour(&behaviour.launch).map_err(cannot_check)?;
     }
     let (errors, warnings): (Vec<_>, Vec<_>) = checker
         .diagnostics
@@ -217,77 +220,13 @@ fn colours() -> bool {
     !refused && std::io::stdout().is_terminal()
 }
 
-/// Checks scripts and the modules that they require, each file once, in a confined process.
-struct ScriptChecker {
-    inspector: Inspector,
-    seen: BTreeSet<PathBuf>,
-    diagnostics: Vec<Diagnostic>,
+/// A checker that inspects each file in a confined process.
+fn checker() -> Result<ScriptChecker, Failure> {
+    let inspector = Inspector::of_this_executable()
+        .map_err(|error| Failure::io("find this program's own file", error))?;
+    Ok(ScriptChecker::new(Some(inspector)))
 }
 
-impl ScriptChecker {
-    fn new() -> Result<ScriptChecker, Failure> {
-        let inspector = Inspector::of_this_executable()
-            .map_err(|error| Failure::io("find this program's own file", error))?;
-        Ok(ScriptChecker {
-            inspector,
-            seen: BTreeSet::new(),
-            diagnostics: Vec::new(),
-        })
-    }
-
-    /// Checks a behaviour's own file, then its modules.
-    fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
-        let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
-        let folder = folder.to_owned();
-        let library = Library::new(folder.clone());
-        // Each with its folder, relative to the behaviour's.
-        let mut files = VecDeque::from([(source.to_vec(), options.clone(), String::new())]);
-        while let Some((source, options, inner)) = files.pop_front() {
-            let chunk = options.chunk.as_str();
-            let file = Path::new(chunk);
-            let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
-            if !self.seen.insert(file) {
-                continue;
-            }
-            let inspected = self.inspector.inspect(&source, &options, &inner);
-            let Inspected {
-                diagnostics: mut found,
-                required,
-            } = inspected.map_err(|why| {
-                Failure::new(
-                    Exit::Check,
-                    format_args!("{chunk}: cannot be checked: {why}"),
-                )
-            })?;
-            found.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
-            for module in required {
-                match library.fetch(&module.name) {
-                    Ok(file) => files.push_back(of_module(file, &folder, &options)),
-                    Err(why) => {
-                        // It exists, but is refused, such as one behind a symbolic link. Those that do
-                        // not exist are already among what was found.
-                        let refused = module.refused(&source, chunk, &why.to_string());
-                        let is_new = |one: &Diagnostic| {
-                            let mut found = found.iter();
-                            !found.any(|it| (it.line, it.column) == (one.line, one.column))
-                        };
-                        self.diagnostics.extend(refused.filter(is_new));
-                    }
-                }
-            }
-            self.diagnostics.extend(found);
-        }
-        Ok(())
-    }
-}
-
-/// The file of a module: it has the behaviour's options, but no parameters.
-fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> (Vec<u8>, Options, String) {
-    let inner = Path::new(&module.file).parent().unwrap_or(Path::new(""));
-    let options = Options {
-        chunk: folder.join(&module.file).display().to_string(),
-        params: Default::default(),
-        ..options.clone()
-    };
-    (module.source, options, inner.display().to_string())
+fn cannot_check(why: String) -> Failure {
+    Failure::new(Exit::Check, why)
 }

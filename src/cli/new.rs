@@ -10,6 +10,7 @@ use super::{Exit, Failure, print};
 use crate::api;
 use crate::behaviour::MAX_NAME;
 use crate::config;
+use crate::script;
 
 /// Create a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
@@ -127,9 +128,11 @@ fn files(name: &str, template: Template) -> Vec<(String, String)> {
         ),
     ];
     files.extend(FILES.map(|(file, text)| (file.to_owned(), own(text))));
-    files.extend(api::modules().map(|module| {
-        let file = format!(".spykee/{}.luau", module.name);
-        (file, api::module_stub(module))
+    // The editor knows only the names of modules that are not documented.
+    files.extend(script::module_names().map(|name| {
+        let described = api::modules().find(|module| module.name == name);
+        let stub = described.map_or_else(|| "return {} :: any\n".to_owned(), api::module_stub);
+        (format!(".spykee/{name}.luau"), stub)
     }));
     files
 }

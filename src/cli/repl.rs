@@ -36,8 +36,8 @@ const MAX_EDITOR_COMMANDS: usize = 257;
 /// Run Lua interactively on a robot
 ///
 /// Ctrl-C stops the tracks, all tasks and all handlers; Ctrl-D ends the session. Lines can also
-/// come from a pipe; then the exit code is 1 if one of them failed. A variable that a line declares
-/// with `local` exists only in that line; without `local` the later lines have it too.
+/// come from a pipe; then the exit code is 1 if one of them failed. Later lines have the variables of
+/// earlier ones, also those that a line begins with, as in `local speed = 40`.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
     /// Seed for math.random and simulator noise [default: random]

@@ -14,7 +14,8 @@ const MAX_ENTRIES: usize = 16;
 const MAX_VALUES: usize = 16;
 const MAX_TEXT: usize = 200;
 
-/// Compiles the text as an expression if it is one, else as statements.
+/// Compiles the text as an expression if it is one, else as statements. A variable that it declares
+/// with `local` at its beginning lives on, as one of the session.
 pub(super) fn compile(
     lua: &Lua,
     text: &str,
@@ -27,6 +28,13 @@ pub(super) fn compile(
         Ok(expression) => return Ok(expression),
         Err(error) => error,
     };
+    if text.trim_start().starts_with("local ") {
+        // Spaces, so that lines and columns of messages stay what they are.
+        let set = text.replacen("local ", "      ", 1);
+        if let Ok(statements) = sandbox::compile(lua, &set, chunk) {
+            return Ok(statements);
+        }
+    }
     let second = match sandbox::compile(lua, text, chunk) {
         Ok(statements) => return Ok(statements),
         Err(error) => error,

@@ -51,7 +51,7 @@ pub(crate) use declaration::{check_declaration, set_given};
 pub(crate) use failure::printable;
 pub use failure::{Explain, Failure, ScriptExit, SourceLocation, nearest, suggestion};
 pub use frame_state::{AnnotatedFrame, LabelledBlob};
-pub use modules::{ModuleFile, ModuleName, NoModule, RESCUE};
+pub use modules::{ModuleFile, ModuleName, NoModule, RESCUE, module_names};
 pub(crate) use modules::{Target, resolve};
 pub use options::{
     Calibration, Limits, NOTICES_A_DAY, Options, ScenarioApi, ScenarioCall, ScenarioCallError,

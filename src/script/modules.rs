@@ -30,6 +30,11 @@ pub(super) const BUILT_IN: [(&str, &str); 9] = [
     ),
 ];
 
+/// The names of the built-in modules, without `@spykee/`.
+pub fn module_names() -> impl Iterator<Item = &'static str> {
+    BUILT_IN.iter().map(|(name, _)| &name[LIBRARY.len()..])
+}
+
 /// The built-in rescue behaviour, a whole script. The watchdog grants it the tracks when a robot
 /// with a low battery does not find its station.
 pub const RESCUE: &str = include_str!("stdlib/rescue.luau");

@@ -75,6 +75,8 @@ pub(super) struct State {
     pub(super) start: Instant,
     pub(super) now: Instant,
     pub(super) tasks: Tasks,
+    /// The first failure of a task that nothing has joined: the script then ends with it.
+    pub(super) failed_task: Option<(TaskId, String)>,
     pub(super) groups: BTreeMap<GroupId, Group>,
     pub(super) subscriptions: Subscriptions,
     pub(super) robot: RobotState,
@@ -132,6 +134,7 @@ impl State {
             start: now,
             now,
             tasks: Tasks::default(),
+            failed_task: None,
             groups: BTreeMap::new(),
             subscriptions: BTreeMap::new(),
             robot: RobotState::default(),
@@ -638,7 +641,9 @@ impl State {
         let status = outcome.status();
         task.handle.status.set(status);
         self.release(Owner::Task(id));
-        for waiter in self.tasks.waiting_for(|wait| *wait == Wait::Join(id)) {
+        let waiters = self.tasks.waiting_for(|wait| *wait == Wait::Join(id));
+        let is_joined = !waiters.is_empty();
+        for waiter in waiters {
             let answer = Wakeup::Joined(status, outcome.text());
             self.tasks.wake(waiter, answer, self.now);
         }
@@ -656,7 +661,10 @@ impl State {
                 self.output.push(FromHost::Evaluated(answer));
             }
             (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
-                self.log_failure(&text)
+                if !is_joined && self.failed_task.is_none() {
+                    self.failed_task = Some((id, self.explained(&text)));
+                }
+                self.log_failure(&text);
             }
             _ => {}
         }
@@ -783,8 +791,15 @@ impl State {
         if !self.is_running() {
             return;
         }
+        let mut exit = ScriptExit { reason, message };
+        if matches!(reason, EndReason::Done | EndReason::Shutdown)
+            && let Some((_, text)) = self.failed_task.take()
+        {
+            exit.reason = EndReason::Error;
+            exit.message = Some(format!("{text}\n(a task failed)"));
+        }
         self.life = Life::Stopping {
-            exit: ScriptExit { reason, message },
+            exit,
             deadline: self.now + STOP_TIME,
             spent: Duration::ZERO,
         };

@@ -1,6 +1,7 @@
 //! `spykee lesson` as learners and teachers use it: every starter is incomplete and the check says
 //! why, every solution has all points, and no script can grade itself.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -94,49 +95,60 @@ fn the_lessons_about_the_station_are_right_for_robots_that_leave_it_forward() {
     }
 }
 
-/// Checks the other solutions of a lesson: right ones have all points; wrong ones do not, and the
-/// check says why. One right and two wrong ones for each change, all of them in `scripts/nightly`.
+/// Plays all other solutions of a lesson with its check: right ones pass it; wrong ones do not, and the
+/// check says why. With one seed for each change, with more in `scripts/nightly`.
 fn judges_other_solutions(lesson: &str) {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/lessons")
-        .join(lesson);
-    let entries = fs::read_dir(folder).unwrap();
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    let mut right = 0;
-    let mut wrong = 0;
-    for path in files {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let check = root
+        .join("behaviours/lessons")
+        .join(lesson)
+        .join("check.lua");
+    let class = tempfile::tempdir().unwrap();
+    let mut expected = BTreeMap::new();
+    for entry in fs::read_dir(root.join("tests/lessons").join(lesson)).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
         let source = fs::read_to_string(&path).unwrap();
-        let name = path.display();
-        let expected = source.strip_prefix("-- wrong: ");
-        let is_played = if expected.is_some() {
-            wrong += 1;
-            wrong <= sized(2, usize::MAX)
-        } else {
-            assert!(source.starts_with("-- right\n"), "{name}");
-            right += 1;
-            right <= sized(1, usize::MAX)
-        };
-        if !is_played {
-            continue;
-        }
-        let said = Learner::with(&source).checks(&["--json", "--lesson", lesson]);
-        let result = said.json();
-        let Some(expected) = expected else {
-            assert_eq!(result["points"], 10, "{name}: {}", said.out);
-            continue;
-        };
-        let words = expected.lines().next().unwrap();
-        let says_so = |message: &str| words.split('|').any(|words| message.contains(words));
-        assert!(result["points"].as_u64() < Some(10), "{name}: {}", said.out);
-        let told = messages(&result);
-        assert!(told.iter().any(|one| says_so(one)), "{name}: {}", said.out);
-        told.into_iter().for_each(assert_sentence);
+        let headline = source.lines().next().unwrap();
+        let words = headline.strip_prefix("-- wrong: ");
+        assert!(words.is_some() || headline == "-- right", "{name}");
+        fs::copy(&check, class.path().join(format!("{name}_test.lua"))).unwrap();
+        fs::write(class.path().join(format!("{name}.lua")), &source).unwrap();
+        expected.insert(name, words.map(str::to_owned));
     }
-    assert!(
-        right >= 2 && wrong >= 3,
-        "{lesson}: {right} right, {wrong} wrong"
+    let wrong = expected.values().flatten().count();
+    let right = expected.len() - wrong;
+    assert!(right >= 6 && wrong >= 12, "{right} right, {wrong} wrong");
+    let said = run_in(
+        class.path(),
+        &["test", "--json", "--seeds", sized("1", "4")],
     );
+    let runs = said.json()["runs"].take();
+    for (name, words) in expected {
+        let own = format!("{name}_test.lua");
+        let is_own =
+            |run: &&Value| run["file"].as_str().unwrap().rsplit('/').next() == Some(own.as_str());
+        let messages: Vec<&str> = runs
+            .as_array()
+            .unwrap_or_else(|| panic!("{}{}", said.out, said.err))
+            .iter()
+            .filter(is_own)
+            .filter_map(|run| run["failure"]["message"].as_str())
+            .collect();
+        let Some(words) = words else {
+            assert!(messages.is_empty(), "{lesson}/{name}: {messages:#?}");
+            continue;
+        };
+        let says_so = |message: &&str| words.split('|').any(|words| message.contains(words));
+        assert!(
+            messages.iter().any(says_so),
+            "{lesson}/{name}: {messages:#?}"
+        );
+        let of_the_check = messages
+            .into_iter()
+            .filter(|one| !one.starts_with("the behaviour "));
+        of_the_check.for_each(assert_sentence);
+    }
 }
 
 macro_rules! other_solutions {

@@ -329,6 +329,16 @@ fn a_behaviour_that_fails_makes_its_scenario_fail_unless_that_is_expected() {
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
     assert_contains(message, &["the behaviour b failed: ", "b.lua:2"]);
     assert_eq!(result["runs"][1]["passed"], true, "{result:#}");
+    let behaviour = "task.spawn(function() local list = nil print(list.x) end)\ntask.wait(1)\n";
+    let of_a_task = self::folder(&[("d_test.lua", source), ("d.lua", behaviour)]);
+    let result = run_in(of_a_task.path(), &["test", "--json"]).json();
+    let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
+    assert_contains(
+        message,
+        &["the behaviour d failed: ", "d.lua:1", "a task failed"],
+    );
+    let run = run_in(of_a_task.path(), &["run", "d.lua", "--sim", "--fast"]);
+    assert_eq!(run.code, Some(1), "{}", run.text());
     let mistaken = self::folder(&[("c_test.lua", source), ("c.lua", "robot.moev(1, 1)")]);
     let result = run_in(mistaken.path(), &["test", "--json"]).json();
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();

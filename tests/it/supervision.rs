@@ -210,7 +210,7 @@ async fn with_watch_a_script_may_have_errors_at_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn with_watch_saving_a_module_reloads_its_script() {
+async fn with_watch_a_saved_module_is_checked_and_reloads_its_script() {
     let rig = Rig::quiet().await;
     let power = rig.file("power.lua", "return 50");
     rig.file(
@@ -220,15 +220,20 @@ async fn with_watch_saving_a_module_reloads_its_script() {
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
     wait_for_move(&rig, 0, 45).await;
     // The watcher must have read the module once before it can notice a change.
-    let saving = async {
+    let saving = async |text: &str| {
         for save in 1.. {
-            std::fs::write(&power, format!("return 60 -- {save}")).unwrap();
+            std::fs::write(&power, format!("{text} -- {save}")).unwrap();
             tokio::time::sleep(std::time::Duration::from_millis(600)).await;
         }
     };
     tokio::select! {
+        () = wait_for_output(&run, "the old script still runs", 1) => {}
+        () = saving("robot.moev(1, 1) return 60") => {}
+    }
+    assert_contains(&run.text(), &["power.lua:1:7", "robot.moev does not exist"]);
+    tokio::select! {
         _ = wait_for_move(&rig, 0, 54) => {}
-        () = saving => {}
+        () = saving("return 60") => {}
     }
     drop(run);
 }

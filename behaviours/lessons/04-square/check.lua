@@ -34,7 +34,7 @@ local function comes_to(sim, away, turned, number)
 	right_units(sim, away, turned)
 	if not there and number == 2 and turned() < -0.5 then
 		expect(false, "At the first corner it turned to the right: easy.left(90) turns left.")
-	elseif not there and number > 1 then
+	elseif not there and number == 2 then
 		expect(math.abs(turned()) > 0.2, "It drove the first side, but turned at no corner: easy.left(90) does that.")
 	end
 	local words = if number == 1

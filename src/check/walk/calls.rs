@@ -114,12 +114,12 @@ impl<'a> Walk<'a> {
                 format!("robot.drive takes metres per second: no robot drives {number} m/s"),
                 "for the power of the tracks in percent, write robot.move(left, right)".to_owned(),
             ),
-            "task.wait" if number >= 500.0 && number % 500.0 == 0.0 => (
+            path @ ("task.wait" | "easy.wait") if number >= 500.0 && number % 500.0 == 0.0 => (
                 format!(
-                    "task.wait takes seconds: {number} are {:.0} minutes",
+                    "{path} takes seconds: {number} are {:.0} minutes",
                     number / 60.0
                 ),
-                format!("for milliseconds, write task.wait({})", number / 1000.0),
+                format!("for milliseconds, write {path}({})", number / 1000.0),
             ),
             "robot.turn" if number.abs() > MAX_RADIANS => {
                 let turns = number.abs() / std::f64::consts::TAU;

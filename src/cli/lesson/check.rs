@@ -97,7 +97,7 @@ pub(super) fn marks_of(
         ..RunSettings::default()
     };
     let options = Config::default().script("check", file.display().to_string(), 0);
-    let diagnostics = of_source(source, &options)?;
+    let diagnostics = of_source(source, options)?;
     let cannot_run = has_errors(&diagnostics);
     let mut marks = Marks::new(scenario_file.scenarios(), diagnostics, cannot_run);
     if cannot_run {

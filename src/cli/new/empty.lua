@@ -2,4 +2,4 @@
 --
 -- Try it:  spykee run {{NAME}}.lua --sim
 
-print("hello, I am", robot.info().name)
+print("hello from {{NAME}}")

@@ -222,6 +222,7 @@ fn join(call: &mut Call<'_>) -> NativeResult {
     let handle = receiver(call)?;
     let time = call.args.get(0)?;
     call.may_wait()?;
+    let _ = call.state.failed_task.take_if(|(id, _)| *id == handle.id);
     match handle.status.get() {
         Status::Running if call.state.tasks.current == Some(handle.id) => {
             Err(call.misuse("a task cannot wait for itself"))

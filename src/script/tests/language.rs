@@ -257,13 +257,29 @@ fn a_session_persists_between_lines() {
     assert_eq!(rig.answer("x = 20"), values(&[]));
     rig.pass(1000.0);
     assert_eq!(rig.answer("x + 1, 'a'"), values(&["21", "\"a\""]));
+    for line in [
+        "local x = 30",
+        "local y, z = x, 2",
+        "local function twice(n)\n\treturn 2 * n\nend",
+    ] {
+        assert_eq!(rig.answer(line), values(&[]), "{line}");
+    }
+    assert_eq!(rig.answer("twice(x), y + z"), values(&["60", "32"]));
     assert_eq!(rig.script.ended(), None);
 }
 
 #[test]
 fn an_incomplete_line_is_reported_as_such_and_a_wrong_one_is_not() {
     let mut rig = session();
-    for begun in ["if true then", "function f()", "1 +", "x = {", "print("] {
+    for begun in [
+        "if true then",
+        "function f()",
+        "1 +",
+        "x = {",
+        "print(",
+        "local x =",
+        "local function f()",
+    ] {
         assert_eq!(rig.answer(begun), Evaluated::Incomplete, "{begun}");
         rig.script.evaluate(begun, false, rig.now);
         rig.run();

@@ -288,7 +288,7 @@ fn yielding_outside_a_coroutine_is_an_error_with_advice() {
 }
 
 #[test]
-fn a_failed_task_is_logged_and_the_script_continues() {
+fn a_failed_task_is_logged_and_the_script_continues_and_ends_with_its_error() {
     let mut rig = Rig::new(
         "for _ = 1, 10 do task.spawn(function() local t = nil; t.x = 1 end) end task.wait(1) print('on')",
     );
@@ -297,5 +297,25 @@ fn a_failed_task_is_logged_and_the_script_continues() {
     assert_eq!(errors.len(), 2, "{errors:?}");
     assert!(errors[0].starts_with("test.lua:1: ") && errors[0].contains("nil"));
     assert!(errors[1].ends_with("(10 times)"));
-    rig.assert_ended(EndReason::Done, "");
+    rig.assert_ended(EndReason::Error, "(a task failed)");
+}
+
+#[test]
+fn a_failed_task_that_was_joined_is_the_scripts_own_affair() {
+    for wait in ["", "task.wait(1)"] {
+        let mut rig = Rig::new(&format!(
+            "local one = task.spawn(function() task.wait(0.5) error('x') end) {wait} print(one:join())",
+        ));
+        rig.pass(3.0);
+        rig.assert_ended(EndReason::Done, "");
+    }
+}
+
+#[test]
+fn a_task_that_failed_counts_when_the_run_ends_too() {
+    let mut rig = Rig::new("robot.on('noise', print) task.delay(1, error, 'x')");
+    rig.pass(2.0);
+    rig.script.stop(EndReason::Shutdown, rig.now);
+    rig.pass(1.0);
+    rig.assert_ended(EndReason::Error, "x");
 }

@@ -1,4 +1,4 @@
--- wrong: It drove back without a rest
+-- wrong: without a rest|It rested for 0.
 local easy = require("@spykee/easy")
 easy.forward(2)
 easy.back(2)

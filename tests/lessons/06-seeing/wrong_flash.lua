@@ -1,0 +1,5 @@
+-- wrong: The ball is to the left, but the left light is off
+robot.on("frame", function(frame)
+	local ball = frame:find_blobs("red", { pixels_threshold = 40 })[1]
+	robot.led("flash", ball ~= nil)
+end)

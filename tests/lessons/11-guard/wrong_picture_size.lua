@@ -1,0 +1,11 @@
+-- wrong: there is no photograph
+local detector = vision.motion()
+local last = -10
+robot.on("frame", function(frame)
+	local motion = detector:update(frame)
+	if motion and #motion.blobs > 0 and task.now() - last >= 10 then
+		last = task.now()
+		robot.play("alarm")
+		print("photograph", frame.width, frame.height)
+	end
+end)

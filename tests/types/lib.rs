@@ -1,0 +1,1 @@
+//! Builds Luau's Analysis, which `check.cpp` links.
