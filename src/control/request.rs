@@ -42,12 +42,13 @@ pub enum RunRequest {
     Stop,
     /// Release STOP: the robot may move again.
     ResetStop,
-    /// Drive to the station. The answer comes when the robot is there, or the docking has failed;
-    /// the defaults are those of `robot.dock`.
+    /// Drive to the station, and end the behaviours that drive: a person starts them again. The answer
+    /// comes when the robot is there, or the docking has failed. Between two searches the rescue
+    /// behaviour drives the robot elsewhere.
     Dock {
-        /// Maximum duration of one search, from 1 to 3600 s.
+        /// Maximum duration of one search, from 1 to 3600 s; 180 unless given.
         seconds: Option<u64>,
-        /// Number of retries, from 0 to 20.
+        /// Number of retries, from 0 to 20; 8 unless given.
         retries: Option<u32>,
     },
     /// Leave the station. The answer comes when the robot has left, or has not.

@@ -179,7 +179,7 @@ impl Run {
         let mut client = self.pilot_client("a person").await?;
         let intent = match request {
             RunRequest::Dock { seconds, retries } => {
-                let usual = DockPlan::DEFAULT;
+                let usual = DockPlan::ORDERED;
                 let plan = DockPlan {
                     timeout: time_limit(seconds, usual.timeout.as_secs(), MAX_SEARCH),
                     retries: retries.unwrap_or(usual.retries).min(MAX_RETRIES),

@@ -83,6 +83,13 @@ impl DockPlan {
         retries: 2,
         charge_timeout: Duration::from_secs(30),
     };
+
+    /// The docking that a person orders, or the service for an idle robot: the rescue behaviour may
+    /// drive the robot elsewhere between two searches, and that may take some of them.
+    pub const ORDERED: DockPlan = DockPlan {
+        retries: 8,
+        ..DockPlan::DEFAULT
+    };
 }
 
 impl Default for DockPlan {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::Contradiction;
+use super::{Contradiction, DriveGrant};
 use crate::robot::{BehaviourId, CallId, DockEnd, DockOutcome, DockPlan, Priority};
 use crate::wire::EngineReport;
 
@@ -41,6 +41,11 @@ impl ActiveDocking {
     pub(super) fn priority(&self) -> Option<Priority> {
         self.callers.iter().map(|caller| caller.priority).max()
     }
+
+    /// Whether somebody waits for it, other than the watchdog.
+    pub(super) fn is_asked(&self) -> bool {
+        !self.forced && !self.callers.is_empty()
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +66,8 @@ enum DockingPhase {
     BackingOff {
         until: Instant,
     },
+    /// A behaviour that can see drives it elsewhere before another attempt.
+    Granted(DriveGrant),
     Over(DockOutcome),
 }
 
@@ -72,6 +79,8 @@ pub struct Docking {
     /// [`Homing`](super::Homing) decides what follows.
     goes_home: bool,
     started: Instant,
+    /// When the last search began.
+    searched_at: Instant,
     attempts: u32,
     phase: DockingPhase,
 }
@@ -112,6 +121,7 @@ impl Docking {
             plan,
             goes_home: false,
             started: now,
+            searched_at: now,
             attempts: 0,
             phase,
         }
@@ -120,11 +130,13 @@ impl Docking {
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
             (
-                DockingPhase::Searching { .. } | DockingPhase::BackingOff { .. },
+                DockingPhase::Searching { .. }
+                | DockingPhase::BackingOff { .. }
+                | DockingPhase::Granted(_),
                 EngineReport::Docked,
             ) => {
                 let until = now + self.plan.charge_timeout;
-                let actions = self.stop_if_backing_off();
+                let actions = self.stop_between_attempts();
                 self.phase = DockingPhase::AwaitingCharge { until };
                 actions
             }
@@ -141,7 +153,7 @@ impl Docking {
 
     /// The robot is believed to charge: only this counts as docked.
     pub fn charging(&mut self, now: Instant) -> Vec<DockAction> {
-        let actions = self.stop_if_backing_off();
+        let actions = self.stop_between_attempts();
         self.finish(DockEnd::Done, now);
         actions
     }
@@ -149,7 +161,7 @@ impl Docking {
     /// The robot may be charging: stands still until that is known. The attempt's timeout keeps
     /// running.
     pub fn wait(&self) -> Vec<DockAction> {
-        self.stop_if_backing_off()
+        self.stop_between_attempts()
     }
 
     /// Whether the robot searches on its own.
@@ -171,15 +183,58 @@ impl Docking {
                 self.finish(DockEnd::NotCharging, now);
                 vec![]
             }
-            DockingPhase::BackingOff { .. } => self.search(now),
+            DockingPhase::BackingOff { .. } | DockingPhase::Granted(_) => self.search(now),
             DockingPhase::Over(_) => vec![],
+        }
+    }
+
+    // Between two attempts.
+
+    /// Whether an attempt has failed, and another follows or is under way.
+    pub fn has_failed(&self) -> bool {
+        let waits = matches!(
+            self.phase,
+            DockingPhase::BackingOff { .. } | DockingPhase::Granted(_)
+        );
+        waits || self.attempts > 1
+    }
+
+    /// Grants the tracks until the next attempt, instead of backing off; returns for how long.
+    /// `least` is the shortest grant.
+    pub fn grant(&mut self, by: BehaviourId, least: Duration, now: Instant) -> Duration {
+        let search = now.saturating_duration_since(self.searched_at);
+        let time = DriveGrant::time_after(search, least);
+        self.phase = DockingPhase::Granted(DriveGrant::start(by, time, now));
+        time
+    }
+
+    /// The behaviour that the tracks are granted to now.
+    pub fn grantee(&self) -> Option<BehaviourId> {
+        match &self.phase {
+            DockingPhase::Granted(grant) => Some(grant.grantee()),
+            _ => None,
+        }
+    }
+
+    /// Notes whether the grantee has a motion now.
+    pub fn note_motion(&mut self, moves: bool, now: Instant) {
+        if let DockingPhase::Granted(grant) = &mut self.phase {
+            grant.record(moves, now);
+        }
+    }
+
+    /// Ends a grant; the next attempt begins.
+    pub fn end_grant(&mut self, now: Instant) -> Vec<DockAction> {
+        match self.phase {
+            DockingPhase::Granted(_) => self.search(now),
+            _ => vec![],
         }
     }
 
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],
-            _ => self.stop_if_backing_off(),
+            _ => self.stop_between_attempts(),
         };
         self.finish(end, now);
         actions
@@ -212,19 +267,21 @@ impl Docking {
             | DockingPhase::AwaitingCharge { until }
             | DockingPhase::Leaving { until }
             | DockingPhase::BackingOff { until } => Some(until),
+            DockingPhase::Granted(grant) => Some(grant.next_deadline()),
             DockingPhase::Over(_) => None,
         }
     }
 
-    fn stop_if_backing_off(&self) -> Vec<DockAction> {
+    fn stop_between_attempts(&self) -> Vec<DockAction> {
         match self.phase {
-            DockingPhase::BackingOff { .. } => vec![DockAction::Stop],
+            DockingPhase::BackingOff { .. } | DockingPhase::Granted(_) => vec![DockAction::Stop],
             _ => vec![],
         }
     }
 
     fn search(&mut self, now: Instant) -> Vec<DockAction> {
         self.attempts += 1;
+        self.searched_at = now;
         self.phase = DockingPhase::Searching {
             until: now + self.plan.timeout,
         };

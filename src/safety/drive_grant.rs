@@ -1,4 +1,4 @@
-//! A grant: between two searches of a robot with a low battery one behaviour drives for some time.
+//! A grant: between two searches for the station one behaviour drives for some time.
 
 use std::time::Duration;
 
@@ -21,6 +21,16 @@ impl DriveGrant {
     pub const FIRST: Duration = Duration::from_millis(1500);
     /// The longest wait from the end of a motion to the next one.
     pub const NEXT: Duration = Duration::from_secs(1);
+
+    /// The longest grant, also after a search that took all of its time.
+    pub const LONGEST: Duration = Duration::from_secs(40);
+
+    /// How long a grant lasts: twice as long as the search before it took, and `least` at least. Many
+    /// short grants between long searches spend the battery on searches from places close to each
+    /// other.
+    pub fn time_after(search: Duration, least: Duration) -> Duration {
+        (2 * search).clamp(least, DriveGrant::LONGEST.max(least))
+    }
 
     /// Begins a grant of at most `time`.
     pub fn start(by: BehaviourId, time: Duration, now: Instant) -> DriveGrant {

@@ -104,9 +104,6 @@ impl Homing {
     /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
 
-    /// The longest grant, also after a search that took all of its time.
-    pub const LONGEST_GRANT: Duration = Duration::from_secs(40);
-
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
     /// The battery has become low; the first search is due.
@@ -175,7 +172,9 @@ impl Homing {
             self.wait(Duration::ZERO, now);
             HomingStep::Search
         } else if let Some(by) = rescuer {
-            let time = self.grant_time(now);
+            let began = self.searched_at.unwrap_or(now);
+            let took = now.saturating_duration_since(began);
+            let time = DriveGrant::time_after(took, self.grant_time);
             self.phase = HomingPhase::Granted(DriveGrant::start(by, time, now));
             HomingStep::DriveGrant { by, time }
         } else if self.found_nothing && may_drive {
@@ -184,14 +183,6 @@ impl Homing {
             self.wait(self.pause, now);
             HomingStep::Pause(self.pause)
         }
-    }
-
-    /// Twice as long as the failed search took: many short grants between long searches spend the
-    /// battery on searches from places close to each other.
-    fn grant_time(&self, now: Instant) -> Duration {
-        let began = self.searched_at.unwrap_or(now);
-        let took = now.saturating_duration_since(began);
-        (2 * took).clamp(self.grant_time, Homing::LONGEST_GRANT.max(self.grant_time))
     }
 
     fn begin_blind_move(&mut self, now: Instant) -> HomingStep {

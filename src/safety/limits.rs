@@ -41,7 +41,7 @@ pub struct Limits {
     /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
     /// The shortest grant of the tracks to the rescue behaviour (8 s); it lasts twice as long as the
-    /// failed search, at most [`Homing::LONGEST_GRANT`](super::Homing::LONGEST_GRANT).
+    /// failed search, at most [`DriveGrant::LONGEST`](super::DriveGrant::LONGEST).
     #[serde(skip)]
     pub rescue_time: Seconds,
     /// The limit of each track's power during a grant (45 %); more is scaled down on both tracks

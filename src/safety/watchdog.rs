@@ -166,7 +166,12 @@ impl Watchdog {
                 gap,
                 guardian_wrote,
             } => self.end_stall(gap, guardian_wrote, now),
-            Fact::StoppedByPerson(stopped) => self.stopped_by_person = stopped,
+            Fact::StoppedByPerson(stopped) => {
+                self.stopped_by_person = stopped;
+                if stopped && self.docking.as_ref().is_some_and(ActiveDocking::is_asked) {
+                    self.end_docking(DockEnd::Cancelled, now);
+                }
+            }
             Fact::Guarded(guarded) => self.set_guarded(guarded, now),
             Fact::RunEnding => self.end_run(now),
         }
@@ -358,11 +363,14 @@ impl Watchdog {
         }
     }
 
-    /// Whether a rescue behaviour should be running: the battery is low and the robot is not on its
-    /// station. True some time before the first grant, so that its host has time to start.
+    /// Whether a rescue behaviour should be running: the robot is not on its station, and its battery
+    /// is low or an attempt of a docking that somebody asked for has failed. True some time before the
+    /// first grant, so that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
+        let failed = |active: &ActiveDocking| active.is_asked() && active.docking.has_failed();
+        let asked = self.docking.as_ref().is_some_and(failed);
         let off = self.run_ending || self.limits.rescue == Rescue::Off;
-        !off && self.battery_monitor.low().is_some() && !self.is_in_place()
+        !off && (asked || self.battery_monitor.low().is_some()) && !self.is_in_place()
     }
 
     /// Whether to switch off everything that the way home does not need: the battery is nearly
@@ -642,7 +650,6 @@ impl Watchdog {
         if self.docking.is_some() {
             self.search_at_once(now);
         }
-        self.watch_grantee(now);
         let may_drive = self.may_move_blindly();
         let Some(homing) = &mut self.homing else {
             return;
@@ -701,6 +708,7 @@ impl Watchdog {
         if !self.online || self.may_charge() {
             return;
         }
+        self.watch_grantee(now);
         let waits = self.waits_flat();
         if let Some(active) = &mut self.docking
             && !waits
@@ -716,17 +724,16 @@ impl Watchdog {
         for action in actions {
             match action {
                 DockAction::Find => {
+                    self.end_motion(MotionEnd::Preempted);
                     self.stop_tracks(now);
                     self.send(Command::Engine(Engage::Dock));
                 }
                 DockAction::Cancel => self.cancel_search(now),
-                DockAction::Reverse => {
+                DockAction::Reverse => self.drive_elsewhere(now),
+                DockAction::Stop => {
+                    self.end_motion(MotionEnd::Preempted);
                     self.stop_tracks(now);
-                    let back = -Watchdog::BACK_OFF_PERCENT;
-                    let setpoint = Setpoint::from_percent(back, back);
-                    self.tracks.want(setpoint.unwrap_or(Setpoint::STOP));
                 }
-                DockAction::Stop => self.stop_tracks(now),
                 DockAction::Undock => {
                     let timeout = Docking::LEAVE_TIMEOUT;
                     self.dock_tracker.leave_station(timeout, now);
@@ -735,6 +742,25 @@ impl Watchdog {
             }
         }
         self.answer_docking(now);
+    }
+
+    /// Between two attempts of a docking: the rescue behaviour drives, if there is one; else the robot
+    /// backs off.
+    fn drive_elsewhere(&mut self, now: Instant) {
+        self.stop_tracks(now);
+        let least = self.limits.rescue_time.get();
+        if let Some(by) = self.grantable()
+            && let Some(active) = &mut self.docking
+            && active.is_asked()
+        {
+            let time = active.docking.grant(by, least, now);
+            self.tell_grant(by, time);
+            let next = HomingStep::DriveGrant { by, time };
+            return self.announce(SafetyAction::Dock, format!("docking failed: {next}"));
+        }
+        let back = -Watchdog::BACK_OFF_PERCENT;
+        let setpoint = Setpoint::from_percent(back, back);
+        self.tracks.want(setpoint.unwrap_or(Setpoint::STOP));
     }
 
     /// Answers the calls that wait for a docking that has ended; a failure of the watchdog's own
@@ -820,9 +846,7 @@ impl Watchdog {
     // Between two searches.
 
     fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
-        let may_grant =
-            !self.run_ending && !self.is_in_place() && self.limits.rescue != Rescue::Off;
-        let rescuer = if may_grant { self.rescuer } else { None };
+        let rescuer = self.grantable();
         let may_drive = self.may_move_blindly();
         let stuck = end == DockEnd::NotCharging && self.dock_state() == DockState::Unknown;
         let Some(homing) = &mut self.homing else {
@@ -839,15 +863,25 @@ impl Watchdog {
         } else {
             SafetyAction::Dock
         };
-        if let HomingStep::DriveGrant { by, time: seconds } = next {
-            let power = self.limits.rescue_power;
-            self.acts
-                .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
+        if let HomingStep::DriveGrant { by, time } = next {
+            self.tell_grant(by, time);
         }
         self.announce(
             action,
             format!("docking failed ({end}) {failures} times: {next}"),
         );
+    }
+
+    /// The behaviour that the tracks may be granted to.
+    fn grantable(&self) -> Option<BehaviourId> {
+        let off = self.run_ending || self.is_in_place() || self.limits.rescue == Rescue::Off;
+        if off { None } else { self.rescuer }
+    }
+
+    fn tell_grant(&mut self, by: BehaviourId, seconds: Duration) {
+        let power = self.limits.rescue_power;
+        self.acts
+            .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
     }
 
     /// Notes whether the grantee drives, and ends its grant if its host falls silent meanwhile.
@@ -859,9 +893,12 @@ impl Watchdog {
         let silent = moves && self.leases.host_life(by, now) != HostLife::Alive;
         if let Some(homing) = &mut self.homing {
             homing.note_motion(moves, now);
-            if silent {
-                homing.end_drive(now);
-            }
+        }
+        if let Some(active) = &mut self.docking {
+            active.docking.note_motion(moves, now);
+        }
+        if silent {
+            self.end_grant(now);
         }
     }
 
@@ -928,34 +965,42 @@ impl Watchdog {
     }
 
     fn homing_setpoint(&self, now: Instant) -> Setpoint {
-        let Some(homing) = self.between_searches() else {
-            return Setpoint::STOP;
-        };
-        match homing.setpoint(now) {
+        let blind_move = self
+            .between_searches()
+            .and_then(|homing| homing.setpoint(now));
+        match blind_move {
             _ if !self.guarded => Setpoint::STOP,
-            _ if homing.grantee().is_some() => self.arbiter.setpoint(),
+            _ if self.grantee().is_some() => self.arbiter.setpoint(),
             Some(setpoint) if self.may_move_blindly() => setpoint,
             _ => Setpoint::STOP,
         }
     }
 
     fn grantee(&self) -> Option<BehaviourId> {
-        self.between_searches().and_then(Homing::grantee)
+        match &self.docking {
+            Some(_) if self.is_in_place() => None,
+            Some(active) => active.docking.grantee(),
+            None => self.between_searches().and_then(Homing::grantee),
+        }
     }
 
     fn end_grant(&mut self, now: Instant) {
         if let Some(homing) = &mut self.homing {
             homing.end_drive(now);
         }
+        if let Some(active) = &mut self.docking {
+            let actions = active.docking.end_grant(now);
+            self.execute_dock_actions(actions, now);
+        }
     }
 
     /// Sets the behaviour that the tracks may be granted to. A grant to another behaviour ends.
     fn set_rescuer(&mut self, by: Option<BehaviourId>, now: Instant) {
         self.rescuer = by;
-        if let Some(homing) = &mut self.homing
-            && homing.grantee().is_some_and(|grantee| by != Some(grantee))
-        {
-            homing.end_drive(now);
+        let homing = self.homing.as_ref().and_then(Homing::grantee);
+        let grantee = self.grantee().or(homing);
+        if grantee.is_some_and(|grantee| by != Some(grantee)) {
+            self.end_grant(now);
         }
     }
 
@@ -1190,11 +1235,16 @@ impl Watchdog {
         duration: Option<Duration>,
         now: Instant,
     ) {
-        if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(priority) {
+        let docks = self.refusal() == Some(MotionEnd::Preempted) && self.rescuer != Some(by);
+        if docks && self.outranks_docking(priority) {
             self.end_docking(DockEnd::Preempted, now);
         }
         let is_grantee = self.guarded && self.grantee() == Some(by);
-        if let (Some(end), false) = (self.refusal(), is_grantee) {
+        let refusal = match self.refusal() {
+            None if self.rescuer == Some(by) => Some(MotionEnd::Preempted),
+            refusal => refusal,
+        };
+        if let (Some(end), false) = (refusal, is_grantee) {
             let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
             self.acts.extend(earlier);
             let event = Event::MotionEnded { motion, end };
@@ -1213,12 +1263,15 @@ impl Watchdog {
     }
 
     /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
-    /// a grantee's stop returns the tracks.
+    /// a grantee's stop returns the tracks. A rescuer stops no docking that others have asked for.
     fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
-        match self.grantee() {
-            Some(grantee) if grantee == by => self.end_grant(now),
-            Some(_) => return,
-            None => {}
+        if self.grantee() == Some(by) {
+            self.end_grant(now);
+        } else if self.between_searches().and_then(Homing::grantee).is_some() {
+            return;
+        }
+        if self.rescuer == Some(by) && self.docking.is_some() {
+            return;
         }
         let over = self.arbiter.stop(by, priority);
         self.acts.extend(over);
@@ -1494,7 +1547,7 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        if self.docking.is_none() {
+        if self.docking.is_none() || self.grantee().is_some() {
             let wanted = match self.refusal() {
                 None if self.guarded => self.arbiter.setpoint(),
                 _ => self.homing_setpoint(now),

@@ -553,7 +553,7 @@ impl Orders {
 async fn send_home(requests: mpsc::Sender<Request>) -> Result<DockOutcome, PilotClientError> {
     let client =
         PilotClient::join(requests, IDLE_CLIENT, "an idle robot", LOWEST, Role::Person).await;
-    client?.dock(DockPlan::DEFAULT).await
+    client?.dock(DockPlan::ORDERED).await
 }
 
 fn log_quiet_hours(quiet: Quiet) {

@@ -50,6 +50,7 @@ mod sandbox;
 mod scenarios;
 mod secrets;
 mod seeds;
+mod sent_home;
 mod serve;
 mod sim;
 mod slow_reader;

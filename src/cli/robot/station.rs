@@ -13,6 +13,8 @@ use crate::robot::{DockEnd, DockOutcome, DockPlan};
 
 /// Timeout for a run's reply, beyond the planned time.
 const SLACK: Duration = Duration::from_secs(60);
+/// Time limit of what follows a search, until the next one.
+const BETWEEN_SEARCHES: Duration = Duration::from_secs(40);
 
 /// Drive to the charging station, as `robot.dock` does
 ///
@@ -53,10 +55,11 @@ pub(in crate::cli) struct UndockArgs {
 pub(super) fn dock(args: &DockArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let plan = DockPlan {
         timeout: Duration::from_secs(args.timeout),
-        ..DockPlan::default()
+        ..DockPlan::ORDERED
     };
     if let Some(run) = args.target.find_run(settings)? {
-        let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
+        let attempt = plan.timeout + plan.charge_timeout + BETWEEN_SEARCHES;
+        let limit = attempt * (plan.retries + 1) + SLACK;
         let request = RunRequest::Dock {
             seconds: Some(args.timeout),
             retries: None,
@@ -76,6 +79,11 @@ pub(super) fn dock(args: &DockArgs, settings: &CommandSettings) -> Result<Exit, 
         };
         return show_docked(args.json, docked, run.status.low);
     }
+    // Without a run there is no rescue behaviour.
+    let plan = DockPlan {
+        retries: DockPlan::DEFAULT.retries,
+        ..plan
+    };
     drive_robot(&args.target.connection, settings, async |driver| {
         let docked = driver.ask(async |client| client.dock(plan).await);
         let docked = docked.await?;

@@ -45,6 +45,119 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
     assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 2)));
 }
 
+const RESCUER: BehaviourId = BehaviourId(9);
+
+/// A docking of `WHO` whose second search has failed, with a rescue behaviour, which drives.
+fn granted() -> Rig {
+    let mut rig = Rig::online(60);
+    rig.dock(7);
+    assert!(!rig.dog.wants_rescue());
+    rig.pass(10 * SECOND, false);
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    assert!(rig.dog.wants_rescue());
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    rig.pass(2 * SECOND, false);
+    assert_eq!(rescuer_drives(&mut rig), [ended(1, MotionEnd::Preempted)]);
+    rig.pass(10 * SECOND, false);
+    let acts = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    let power = Limits::default().rescue_power;
+    let seconds = 21 * SECOND;
+    assert_eq!(events(&acts), [Event::DriveGrant { seconds, power }]);
+    assert_eq!(rescuer_drives(&mut rig), []);
+    assert!(rig.dog.moving());
+    rig
+}
+
+fn rescuer_drives(rig: &mut Rig) -> Vec<Event> {
+    let acts = rig.ask_as(
+        RESCUER,
+        0,
+        Intent::Move {
+            motion: MotionId(1),
+            setpoint: Setpoint::from_percent(30.0, 30.0).unwrap(),
+            duration: None,
+        },
+    );
+    events(&acts)
+}
+
+#[test]
+fn between_two_searches_of_a_docking_the_rescue_behaviour_drives() {
+    let mut rig = granted();
+    // Nobody else does, and its stop begins the next search.
+    let refused = rig.drive(2, None);
+    assert_eq!(events(&refused), [ended(2, MotionEnd::Preempted)]);
+    assert!(rig.dog.moving());
+    let acts = rig.ask_as(RESCUER, 0, Intent::Stop);
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+    let over = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 3)));
+    assert!(!rig.dog.wants_rescue() && !rig.dog.moving());
+    // It has nothing to drive for.
+    assert_eq!(rescuer_drives(&mut rig), [ended(1, MotionEnd::Preempted)]);
+    assert!(!rig.dog.moving());
+}
+
+#[test]
+fn a_grant_is_over_in_time_and_when_its_host_is_silent_or_gone() {
+    let silent = |rig: &mut Rig| rig.pass(SECOND, false);
+    let gone = |rig: &mut Rig| rig.handle(Fact::Gone(RESCUER));
+    let late = |rig: &mut Rig| {
+        let beat = |rig: &mut Rig| {
+            rig.handle(Fact::Alive(RESCUER));
+            rig.pass(100 * MS, false)
+        };
+        (0..230).flat_map(|_| beat(rig)).collect()
+    };
+    let ends: [fn(&mut Rig) -> Vec<Act>; 3] = [silent, gone, late];
+    for end in ends {
+        let mut rig = granted();
+        let acts = end(&mut rig);
+        let sent = sent(&acts);
+        assert_eq!(sent[sent.len() - 2..], [Command::STOP, FIND]);
+        assert!(!rig.dog.moving());
+    }
+}
+
+#[test]
+fn a_grant_ends_with_its_docking() {
+    let cancelled = |rig: &mut Rig| rig.ask(Intent::CancelDock);
+    let gone = |rig: &mut Rig| rig.handle(Fact::Gone(WHO));
+    let stopped = |rig: &mut Rig| rig.handle(Fact::StoppedByPerson(true));
+    let run_ends = |rig: &mut Rig| rig.handle(Fact::RunEnding);
+    let unguarded = |rig: &mut Rig| rig.handle(Fact::Guarded(false));
+    let docked = |rig: &mut Rig| rig.handle(Fact::Engine(EngineReport::Docked));
+    let ends: [fn(&mut Rig) -> Vec<Act>; 6] =
+        [cancelled, gone, stopped, run_ends, unguarded, docked];
+    for end in ends {
+        let mut rig = granted();
+        let acts = end(&mut rig);
+        assert_eq!(sent(&acts).last(), Some(&Command::STOP), "{acts:?}");
+        rescuer_drives(&mut rig);
+        assert!(!rig.dog.moving(), "{acts:?}");
+    }
+    // Who takes the tracks with a higher priority has them.
+    let mut rig = granted();
+    let acts = rig.ask_as(
+        BehaviourId(3),
+        10,
+        Intent::Move {
+            motion: MotionId(5),
+            setpoint: Setpoint::from_percent(50.0, 50.0).unwrap(),
+            duration: None,
+        },
+    );
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Preempted, 2)));
+    assert_eq!(sent(&acts).last(), Some(&FORWARD));
+    // A low battery continues the way home by its own rules.
+    let mut rig = granted();
+    assert_eq!(
+        sent(&rig.handle(Fact::Power(power(20)))),
+        [Command::STOP, FIND]
+    );
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+}
+
 #[test]
 fn a_low_battery_takes_over_a_docking_and_its_caller_is_answered() {
     let mut rig = Rig::online(60);

@@ -18,7 +18,7 @@ use tokio::time::Instant;
 use self::model::{Known, LongestWait, WayHome};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{BlindMove, LastWords, PowerMeaning, Rescue};
+use crate::safety::{BlindMove, DriveGrant, LastWords, PowerMeaning, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {

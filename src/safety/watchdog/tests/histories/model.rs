@@ -248,7 +248,7 @@ pub(super) struct WayHome {
 }
 
 fn longest_grant(limits: &Limits) -> Duration {
-    limits.rescue_time.get().max(Homing::LONGEST_GRANT)
+    limits.rescue_time.get().max(DriveGrant::LONGEST)
 }
 
 impl WayHome {
