@@ -52,6 +52,7 @@ fn run(
         simulated: true,
         began: Instant::now(),
         view: View::channel().1,
+        timetable: mpsc::channel(1).0,
         sim: None,
         reactions: agent.reactions(),
     };
@@ -192,6 +193,7 @@ async fn idle(simulation: &Simulation) -> bool {
         bus,
         view: timetable::View::channel().0,
         reloads: mpsc::channel(1).1,
+        changes: mpsc::channel(1).1,
     };
     let service = tokio::task::spawn_local(service.run(simulation.stop()));
     let home = simulation.sim().wait_state(|state| state.charging);
