@@ -481,11 +481,11 @@ async fn a_docking_takes_the_drive_lock_and_taking_it_ends_the_docking() {
         .await;
     rig.heard_motion(cancelled).await;
     rig.sim.hide_station(false);
-    assert_eq!(post(&at, "/api/dock", "", json!({})).await.0, 200);
-    page.until("state", |state| {
+    let home = page.until("state", |state| {
         state["driver"].is_null() && state["docked"] == true
-    })
-    .await;
+    });
+    let (docked, _) = tokio::join!(post(&at, "/api/dock", "", json!({})), home);
+    assert_eq!(docked.0, 200);
 }
 
 #[tokio::test(flavor = "multi_thread")]

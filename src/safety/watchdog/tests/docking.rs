@@ -64,6 +64,7 @@ fn granted() -> Rig {
     let seconds = 21 * SECOND;
     assert_eq!(events(&acts), [Event::DriveGrant { seconds, power }]);
     assert_eq!(rescuer_drives(&mut rig), []);
+    rig.pass(50 * MS, false);
     assert!(rig.dog.moving());
     rig
 }

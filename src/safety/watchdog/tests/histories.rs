@@ -386,7 +386,7 @@ impl Moment<'_> {
             .any(|command| moves(command) && *command != Command::STOP)
     }
 
-    /// Checks that a robot with a low battery may be moved, and only until `ends`.
+    /// Checks that a robot on its way home may be moved, and only until `ends`.
     fn drives_until(&self, ends: Instant) -> Kept {
         let Play {
             dog,
@@ -396,7 +396,7 @@ impl Moment<'_> {
             ..
         } = self.play;
         prop_assert!(*now < ends && dog.next_deadline().is_some_and(|due| due <= ends));
-        prop_assert!(known.allows_the_way_home(limits, *now), "{:?}", known);
+        prop_assert!(known.allows_a_grant(limits, *now), "{:?}", known);
         Ok(())
     }
 

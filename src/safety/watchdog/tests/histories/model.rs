@@ -212,8 +212,12 @@ impl Known {
 
     /// Whether a blind move or a grant may move a robot with a low battery.
     pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
-        let lost = self.low && !self.surely_docked(limits, now);
-        self.online && lost && !self.run_ended
+        self.low && self.allows_a_grant(limits, now)
+    }
+
+    /// Whether a grant may move it: that of a low robot, or of a docking that somebody asked for.
+    pub(super) fn allows_a_grant(&self, limits: &Limits, now: Instant) -> bool {
+        self.online && !self.surely_docked(limits, now) && !self.run_ended
     }
 
     pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
