@@ -5,6 +5,7 @@ use std::process::{Command, Stdio};
 
 use tokio::sync::watch;
 
+use super::token::address_for_others;
 use super::{Console, Failure};
 use crate::agent::Behaviour;
 use crate::config::Config;
@@ -31,7 +32,12 @@ pub(super) fn serve(
     };
     let live = Live::start(context, &config.live).map_err(refused)?;
     let url = live.url();
-    tracing::info!("the page is at {url}");
+    let others = address_for_others(live.address());
+    if others == live.address() {
+        tracing::info!("the page is at {url}");
+    } else {
+        tracing::info!("the page is at {url} (from a phone: http://{others}/)");
+    }
     if console.has_status_line() {
         open(&url);
     }

@@ -121,7 +121,9 @@ pub(super) fn refuse_if_in_use(
         run.name()
     );
     let failure = Failure::new(Exit::Unreachable, what);
-    Err(failure.help("end the run first, with `spykee robot stop`"))
+    Err(failure.help(
+        "end it first: Ctrl-C in its terminal, or `systemctl stop spykee` for a service of systemd",
+    ))
 }
 
 fn find_run(

@@ -10,6 +10,7 @@ use super::table::aligned;
 use super::{Exit, Failure, block_on, print, print_json};
 use crate::clock::{self, Zone};
 use crate::control::{self, RunStatus};
+use crate::pilot::LinkState;
 use crate::robot::Battery;
 
 const HEAD: &str = "ROBOT|STATE|BATTERY|PLACE|>DELAY|>RUNNING|>PROCESS|NEXT START|BEHAVIOURS";
@@ -59,11 +60,19 @@ pub(super) fn run(args: &StatusArgs, settings: &CommandSettings) -> Result<Exit,
 fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
     let simulated = if run.simulated { " (simulated)" } else { "" };
     let behaviours = run.behaviours.iter().map(|one| one.name.as_str());
+    // Out of reach, all that is known of the robot is as old as its level.
+    let age = match run.battery_age {
+        Some(age) if run.link != LinkState::Up.name() => {
+            format!(", {} ago", clock::hours(Duration::from_secs(age)))
+        }
+        _ => String::new(),
+    };
+    let battery = run.battery.map_or_else(|| "-".to_owned(), describe);
     vec![
         format!("{}{simulated}", run.target),
         run.state.clone(),
-        run.battery.map_or_else(|| "-".to_owned(), describe),
-        run.place.clone(),
+        format!("{battery}{age}"),
+        format!("{}{age}", run.place),
         run.delays.map_or_else(
             || "-".to_owned(),
             |delays| format!("{:.2} s", delays.robot + delays.network),
@@ -91,7 +100,8 @@ pub(super) fn next_start(run: &RunStatus, zone: &Zone) -> String {
 /// Describes the battery, for people.
 pub(super) fn describe(battery: Battery) -> String {
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
-        format!(", {minutes:.0} minutes left")
+        let plural = if minutes.round() == 1.0 { "" } else { "s" };
+        format!(", {minutes:.0} minute{plural} left")
     });
     format!("{}{left}", charge(battery))
 }
@@ -114,6 +124,7 @@ mod tests {
             describe(battery(false, Some(17.6))),
             "42 %, 18 minutes left"
         );
+        assert_eq!(describe(battery(false, Some(1.2))), "42 %, 1 minute left");
         let unknown = Battery {
             percent: None,
             ..battery(true, None)

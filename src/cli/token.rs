@@ -1,7 +1,7 @@
 //! `spykee token`: manages the tokens with which people open the page, and programs use its API.
 
-use std::io::IsTerminal as _;
-use std::net::SocketAddr;
+use std::io::{self, IsTerminal as _};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 
 use clap::Subcommand;
 use qrcode::render::unicode::Dense1x2;
@@ -75,15 +75,26 @@ fn refused(error: AccessError) -> Failure {
 }
 
 /// Returns the address of a page that listens here, as other computers know it: instead of all
-/// addresses of this computer, its first one in a network.
+/// addresses of this computer, the one from which it reaches other networks, or its first one in a
+/// network: the robot's own Wi-Fi, where no phone is, leads nowhere else.
 pub(super) fn address_for_others(listen: SocketAddr) -> SocketAddr {
     if !listen.ip().is_unspecified() {
         return listen;
     }
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
     let mut addresses = interfaces.iter().map(if_addrs::Interface::ip);
-    let first = addresses.find(|ip| ip.is_ipv4() && !ip.is_loopback());
-    SocketAddr::new(first.unwrap_or(listen.ip()), listen.port())
+    let first = || addresses.find(|ip| ip.is_ipv4() && !ip.is_loopback());
+    let ip = address_to_elsewhere().ok().or_else(first);
+    SocketAddr::new(ip.unwrap_or(listen.ip()), listen.port())
+}
+
+/// The address of this computer on the way to another network. Nothing is sent.
+fn address_to_elsewhere() -> io::Result<IpAddr> {
+    /// An address for documentation, which is in no network of this computer.
+    const ELSEWHERE: (Ipv4Addr, u16) = (Ipv4Addr::new(192, 0, 2, 1), 9);
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+    socket.connect(ELSEWHERE)?;
+    Ok(socket.local_addr()?.ip())
 }
 
 /// The link that opens the page with this token, for a phone as a QR code. A browser does not send

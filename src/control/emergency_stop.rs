@@ -72,7 +72,7 @@ impl EmergencyStop {
             let path = data.join(NAME);
             warn!(
                 "a person's STOP still holds ({}): nothing moves the robot until a person releases \
-                 it, at the page or with `spykee robot reset-stop`",
+                 it, with *Let it move again* at the page or with `spykee robot reset-stop`",
                 path.display()
             );
         }

@@ -253,8 +253,12 @@ async fn log_in(
     Json(Credentials { token }): Json<Credentials>,
 ) -> Result<Response, Refusal> {
     let visitor = access.visitor_of_token(&token, from.ip());
-    let role = visitor.ok_or_else(Refusal::wrong_token)?.role;
-    tracing::info!(from = %from.ip(), role = role.name(), "a visitor logs in to the page");
+    let visitor = visitor.ok_or_else(Refusal::wrong_token)?;
+    let role = visitor.role;
+    let token_name = visitor.key.map_or_else(String::new, |key| key.name);
+    tracing::info!(
+        from = %from.ip(), role = role.name(), token = token_name, "a visitor logs in to the page"
+    );
     let me = Me {
         role: Some(role),
         open: false,

@@ -80,6 +80,11 @@ impl Live {
         Ok(Live { address, thread })
     }
 
+    /// Where the page listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
     /// Returns the page's address for a browser on this machine.
     pub fn url(&self) -> String {
         let address = self.address;

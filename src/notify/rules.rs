@@ -30,6 +30,8 @@ pub(super) struct Rules {
     robot: Option<String>,
     battery: Option<Battery>,
     low: bool,
+    /// Whether a robot with a low battery stays where it is, because a person's STOP holds.
+    stays: bool,
     /// Whether people know that the STOP which holds prevents starts.
     stop_told: bool,
     /// When each problem was last reported, by rule and subject.
@@ -44,6 +46,7 @@ impl Rules {
             robot: None,
             battery: None,
             low: false,
+            stays: false,
             stop_told: false,
             last_reported: BTreeMap::new(),
         }
@@ -83,13 +86,20 @@ impl Rules {
                     return None;
                 }
                 let level = self.battery.map(|battery| format!(": {}", battery.level()));
-                let text = format!("the battery is low{}", level.unwrap_or_default());
+                let mut text = format!("the battery is low{}", level.unwrap_or_default());
+                if self.stays {
+                    text += &format!("; the robot stays where it is: {STOP_HOLDS}");
+                }
                 Some(self.notice(Rule::Low, text))
             }
             AgentEvent::Safety {
                 action: SafetyAction::Alarm,
                 reason,
             } => self.once(Rule::Alarm, "", format!("the alarm sounds: {reason}"), now),
+            AgentEvent::Safety { reason, .. } => {
+                self.stays = reason.ends_with(STOP_HOLDS);
+                None
+            }
             AgentEvent::Dock {
                 end, by, seconds, ..
             } => {
@@ -341,6 +351,19 @@ mod tests {
         );
         now += AGAIN;
         assert!(rules.handle_event(&failed("a"), now).is_some());
+    }
+
+    #[test]
+    fn a_low_battery_says_that_the_robot_stays_where_a_person_has_stopped_it() {
+        let now = Instant::now();
+        let mut rules = Rules::new(LONG, now);
+        let hold = AgentEvent::Safety {
+            action: SafetyAction::Hold,
+            reason: format!("battery at 20 %: stays where it is; {STOP_HOLDS}"),
+        };
+        assert_eq!(rules.handle_event(&hold, now), None);
+        let told = rules.handle_event(&low(true), now).unwrap().text;
+        assert!(told.ends_with(STOP_HOLDS), "{told}");
     }
 
     #[test]

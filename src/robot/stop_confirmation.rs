@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Why something does not start while a person's STOP holds, and what to do.
-pub const STOP_HOLDS: &str =
-    "a person's STOP holds: release it at the page or with `spykee robot reset-stop`";
+pub const STOP_HOLDS: &str = "a person's STOP holds: release it with *Let it move again* at the page, or with `spykee robot \
+     reset-stop`";
 
 /// How far a person's STOP, or the last stop of a robot that was driving, has come.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]

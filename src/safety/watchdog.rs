@@ -21,7 +21,7 @@ use super::{
 };
 use crate::robot::{
     Battery, BehaviourId, DockEnd, DockOutcome, DockPlan, EndReason, Event, Intent, MotionEnd,
-    MotionId, Percent, Priority, SafetyAction, Setpoint, WatchdogState,
+    MotionId, Percent, Priority, STOP_HOLDS, SafetyAction, Setpoint, WatchdogState,
 };
 use crate::wire::{Command, Engage, EngineReport, Power};
 
@@ -166,12 +166,7 @@ impl Watchdog {
                 gap,
                 guardian_wrote,
             } => self.end_stall(gap, guardian_wrote, now),
-            Fact::StoppedByPerson(stopped) => {
-                self.stopped_by_person = stopped;
-                if stopped && self.docking.as_ref().is_some_and(ActiveDocking::is_asked) {
-                    self.end_docking(DockEnd::Cancelled, now);
-                }
-            }
+            Fact::StoppedByPerson(stopped) => self.set_stopped(stopped, now),
             Fact::Guarded(guarded) => self.set_guarded(guarded, now),
             Fact::RunEnding => self.end_run(now),
         }
@@ -369,7 +364,7 @@ impl Watchdog {
     pub fn wants_rescue(&self) -> bool {
         let failed = |active: &ActiveDocking| active.is_asked() && active.docking.has_failed();
         let asked = self.docking.as_ref().is_some_and(failed);
-        let off = self.run_ending || self.limits.rescue == Rescue::Off;
+        let off = self.run_ending || self.stopped_by_person || self.limits.rescue == Rescue::Off;
         !off && (asked || self.battery_monitor.low().is_some()) && !self.is_in_place()
     }
 
@@ -387,6 +382,26 @@ impl Watchdog {
     }
 
     // The link and the life of the run.
+
+    /// While a person's STOP holds, a robot with a low battery stays where it is: its way home is
+    /// interrupted, and goes on from there when STOP is released.
+    fn set_stopped(&mut self, stopped: bool, now: Instant) {
+        self.stopped_by_person |= stopped;
+        if self.stopped_by_person {
+            let goes_home = !self.docked();
+            let is_over = |one: &ActiveDocking| one.is_asked() || (one.forced && goes_home);
+            if self.docking.as_ref().is_some_and(is_over) {
+                self.end_docking(DockEnd::Cancelled, now);
+            }
+            self.interrupt_homing(now);
+            let goes_home = goes_home && self.online && !stopped;
+            if goes_home && let Some(cause) = self.low() {
+                let reason = format!("{cause}: goes home, STOP is released");
+                self.announce(SafetyAction::Dock, reason);
+            }
+        }
+        self.stopped_by_person = stopped;
+    }
 
     fn link_up(&mut self, docked: bool, power: Power, now: Instant) {
         if self.online {
@@ -626,6 +641,9 @@ impl Watchdog {
         if self.docked() {
             let reason = format!("{cause}: stays on the station and waits for charging");
             self.announce(SafetyAction::Hold, reason);
+        } else if self.stopped_by_person {
+            let reason = format!("{cause}: stays where it is; {STOP_HOLDS}");
+            self.announce(SafetyAction::Hold, reason);
         } else {
             self.announce(SafetyAction::Dock, format!("{cause}: stops and goes home"));
         }
@@ -644,7 +662,7 @@ impl Watchdog {
         if self.docked() {
             return self.send_home(now);
         }
-        if self.is_flat() {
+        if self.is_flat() || self.stopped_by_person {
             return;
         }
         if self.docking.is_some() {
@@ -787,6 +805,9 @@ impl Watchdog {
         }
         match outcome.end {
             DockEnd::Done | DockEnd::AlreadyDocked => self.answer_waiting(DockEnd::Done, now),
+            DockEnd::Cancelled if self.stopped_by_person => {
+                self.answer_waiting(DockEnd::Cancelled, now);
+            }
             DockEnd::Disconnected => self.answer_waiting(DockEnd::Disconnected, now),
             end => self.handle_failed_search(end, now),
         }
@@ -875,7 +896,11 @@ impl Watchdog {
     /// The behaviour that the tracks may be granted to.
     fn grantable(&self) -> Option<BehaviourId> {
         let off = self.run_ending || self.is_in_place() || self.limits.rescue == Rescue::Off;
-        if off { None } else { self.rescuer }
+        if off || self.stopped_by_person {
+            None
+        } else {
+            self.rescuer
+        }
     }
 
     fn tell_grant(&mut self, by: BehaviourId, seconds: Duration) {
@@ -904,7 +929,8 @@ impl Watchdog {
 
     /// Whether a blind move is allowed: by the config, off the station, and before the run ends.
     fn may_move_blindly(&self) -> bool {
-        !self.run_ending && self.guarded && !self.is_in_place() && self.limits.blind_moves
+        let free = !self.run_ending && !self.stopped_by_person && self.guarded;
+        free && !self.is_in_place() && self.limits.blind_moves
     }
 
     /// Whether it is on its station, or has reported contact and not that it has left: it may be on
@@ -955,9 +981,11 @@ impl Watchdog {
         );
     }
 
-    /// The way home, while the robot is in reach, off its station, and no docking is under way.
+    /// The way home, while the robot is in reach, off its station, and neither a docking is under way
+    /// nor a person's STOP holds.
     fn between_searches(&self) -> Option<&Homing> {
-        if self.online && !self.docked() && !self.is_flat() && self.docking.is_none() {
+        let may_go = self.online && !self.is_flat() && !self.stopped_by_person;
+        if may_go && !self.docked() && self.docking.is_none() {
             self.homing.as_ref()
         } else {
             None

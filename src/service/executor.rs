@@ -44,9 +44,6 @@ pub(super) struct Executor {
     orders: Orders,
     /// The behaviours that were not idle at the last poll.
     running: BTreeSet<String>,
-    /// A behaviour has ended and the robot was not on its station since: it goes home although those
-    /// that are always on go on.
-    owes_return: bool,
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
     /// The order that sends the idle robot to its station.
@@ -86,7 +83,6 @@ impl Executor {
             service_plan,
             orders: Orders::new(roster),
             running: BTreeSet::new(),
-            owes_return: false,
             docking_task: None,
             quiet: Quiet::Off,
             last_record: None,
@@ -153,14 +149,9 @@ impl Executor {
             self.act(act);
         }
         self.check_clock(now);
-        self.owes_return &= !status.docked;
         self.report_standstill(&status, at);
-        let waits_for_runs = if self.owes_return {
-            !self.runs_only_permanent()
-        } else {
-            !self.running.is_empty()
-        };
-        let activity = if waits_for_runs || !self.orders.is_empty() || self.planner.is_due() {
+        let runs = !self.runs_only_permanent();
+        let activity = if runs || !self.orders.is_empty() || self.planner.is_due() {
             Activity::Busy
         } else if self.running.is_empty() {
             Activity::None
@@ -204,7 +195,6 @@ impl Executor {
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
         drop(statuses);
         for name in self.running.difference(&running) {
-            self.owes_return |= !self.service_plan.always.contains(name);
             if !self.orders.has(name) {
                 self.planner.ended(name);
             }

@@ -1,6 +1,6 @@
-//! Handles an idle robot: while no behaviour runs but those that are always on, it is sent to its
-//! station, and its link may be released there. A state machine: takes facts and the time, returns an
-//! action.
+//! Handles an idle robot: while no behaviour runs but those that are always on, and nothing drives, it
+//! is sent to its station, and its link may be released there. A state machine: takes facts and the
+//! time, returns an action.
 
 use std::time::Duration;
 
@@ -9,6 +9,7 @@ use tokio::time::Instant;
 use crate::config::{Idle, Service};
 use crate::pilot::{LinkState, Status};
 use crate::rate_limit::Backoff;
+use crate::robot::WatchdogState;
 
 /// Pause after a failed docking: the first one; it doubles each time, up to the maximum.
 const PAUSE: Duration = Duration::from_secs(300);
@@ -20,8 +21,7 @@ pub(super) enum Activity {
     None,
     /// Only behaviours run that are always on: they need the link.
     Watched,
-    /// A behaviour runs, is loading, or is due. One that is always on counts until another run has
-    /// ended away from the station.
+    /// Another behaviour runs, is loading, or is due.
     Busy,
 }
 
@@ -36,9 +36,11 @@ pub(super) enum IdleAction {
 #[derive(Debug)]
 pub(super) struct IdleRobot {
     policy: Service,
-    /// Since when no behaviour runs and the robot is connected.
+    /// Since when nothing has driven and the robot is connected.
     since: Option<Instant>,
     docking: bool,
+    /// Whether it was on its station at the last poll.
+    docked: bool,
     backoff: Backoff,
     /// Earliest time of the next docking.
     next: Option<Instant>,
@@ -51,6 +53,7 @@ impl IdleRobot {
             policy,
             since: None,
             docking: false,
+            docked: false,
             backoff: Backoff::new(PAUSE, LONGEST_PAUSE),
             next: None,
             asked: None,
@@ -105,8 +108,10 @@ impl IdleRobot {
             self.since = None;
             return None;
         }
-        // Somebody drives it, or what is always on does.
-        if !status.actuators.tracks.is_stop() && !self.docking {
+        // Somebody drives it or sends it home, or what is always on does.
+        let drives = !status.actuators.tracks.is_stop() || status.safety == WatchdogState::Docking;
+        let leaves = std::mem::replace(&mut self.docked, status.docked) && !status.docked;
+        if (drives && !self.docking) || leaves {
             self.since = None;
         }
         let since = *self.since.get_or_insert(now);
@@ -210,6 +215,12 @@ mod tests {
             now += MINUTE;
         }
         status.actuators.tracks = Setpoint::STOP;
+        status.safety = WatchdogState::Docking;
+        now += MINUTE;
+        assert_eq!(idle.poll(&status, Activity::Watched, now), None);
+        status.safety = WatchdogState::Free;
+        assert_eq!(idle.poll(&status, Activity::Watched, now), None);
+        now += MINUTE;
         let dock = idle.poll(&status, Activity::Watched, now);
         assert_eq!(dock, Some(IdleAction::Dock));
         status.actuators.tracks = Setpoint::from_percent(30.0, 30.0).unwrap();
@@ -224,6 +235,11 @@ mod tests {
         }
         let release = idle.poll(&status, Activity::None, now);
         assert_eq!(release, Some(IdleAction::Release));
+        status.docked = false;
+        let left = idle.poll(&status, Activity::None, now);
+        assert_eq!(left, None, "a person has just left the station");
+        let dock = idle.poll(&status, Activity::None, now + MINUTE);
+        assert_eq!(dock, Some(IdleAction::Dock));
     }
 
     #[test]

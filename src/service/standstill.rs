@@ -39,7 +39,8 @@ impl Standstill {
             };
         }
         let reason = reason(status);
-        self.driven |= reason.is_none();
+        // A search alone is the service's own: a guard on its station needs no row.
+        self.driven |= !status.actuators.tracks.is_stop();
         let expected = !running.is_empty() && (waits_for_runs || self.driven);
         if !expected || reason != self.reason {
             self.reason = reason;

@@ -63,6 +63,17 @@ fn drives(rig: &Rig, from: usize) -> Option<Command> {
     rig.commands(from).into_iter().find(drives)
 }
 
+/// Waits until the journal has these words: it is written within a second.
+async fn recorded(rig: &Rig, words: &str) {
+    let history = ["history", "alarms", "--config", "spykee.yaml"];
+    let recorded = async {
+        while !run_spykee(rig, &history).await.1.contains(words) {
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, recorded).await.expect("not recorded");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again() {
     let rig = Rig::quiet().await;
@@ -72,18 +83,7 @@ async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again(
     let (status, body) = ask(&page, "POST /api/stop", "", "{}").await;
     assert_eq!(status, 200, "{body}");
     kept(&rig, true).await;
-    // The journal is written within a second.
-    let history = ["history", "alarms", "--config", "spykee.yaml"];
-    let recorded = async {
-        while !run_spykee(&rig, &history)
-            .await
-            .1
-            .contains("stopped the robot")
-        {
-            sleep(Duration::from_millis(50)).await;
-        }
-    };
-    timeout(WAIT_LIMIT, recorded).await.expect("not recorded");
+    recorded(&rig, "stopped the robot").await;
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
@@ -102,7 +102,7 @@ async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again(
         &["behaviour", "start", "drive"],
     ] {
         let (code, text) = run_spykee(&rig, args).await;
-        let told = text.contains("spykee robot reset-stop");
+        let told = text.contains("spykee robot reset-stop") && text.contains("Let it move again");
         assert_eq!((code, told), (Some(5), true), "{args:?}: {text}");
     }
     assert_eq!(drives(&rig, from), None, "it moves in spite of STOP");
@@ -111,13 +111,20 @@ async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again(
     assert_eq!((code, released), (Some(0), true), "{text}");
     rig.heard_dock(from).await;
     kept(&rig, false).await;
+    recorded(&rig, "goes home, STOP is released").await;
+    let (_, text) = run_spykee(&rig, &["history", "docks", "--config", "spykee.yaml"]).await;
+    assert!(!text.contains("disconnected"), "no link broke: {text}");
     next.signal(Signal::TERM);
     next.code().await;
     let (_, text) = run_spykee(&rig, &["history", "alarms", "--config", "spykee.yaml"]).await;
     let pressed = "stopped the robot: the API, without a token";
     assert_contains(
         &text,
-        &[pressed, "released the robot: the command line, user ID"],
+        &[
+            pressed,
+            "stays where it is; a person's STOP holds",
+            "released the robot: the command line, user ID",
+        ],
     );
 }
 

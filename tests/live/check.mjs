@@ -401,8 +401,9 @@ const promises = {
     await ready(page);
     sim.child.kill("SIGSTOP");
     await page.getByText("Connection lost, reconnecting").waitFor();
+    await page.locator("header").getByText(/\d+ %, \d+ (s|min) ago/).waitFor();
     await button(page, "STOP").click();
-    const unreached = page.getByRole("alert").getByText(/^NOT STOPPED: the robot is out of reach/);
+    const unreached = page.getByRole("alert").getByText(/^NOT STOPPED: the robot is out of reach.*Switch it off by hand/);
     await unreached.waitFor();
     await keep(page, "out-of-reach-desktop-light");
     await page.reload();

@@ -1,6 +1,6 @@
 // The page: login, layout, and the STOP button, which is always visible.
 
-import { battery } from "./battery.js";
+import { age, battery } from "./battery.js";
 import { behaviours } from "./behaviours.js";
 import { camera } from "./camera.js";
 import { Connection } from "./connection.js";
@@ -127,7 +127,8 @@ function build(app, visitor) {
     document.title = `${visible(now.robot?.name ?? "spykee")} · ${typeof now.battery?.percent === "number" ? `${now.battery.percent} %` : ""}`;
     last = now;
     const { percent = null, charging } = now.battery ?? {};
-    say(level, percent === null ? "" : `${percent} %${charging ? `, ${t("charging")}` : ""}`);
+    const old = age(now) || (charging && t("charging"));
+    say(level, percent === null ? "" : `${percent} %${old ? `, ${old}` : ""}`);
     level.classList.toggle("low", now.low);
     say(active, now.behaviours.map((one) => one.name).join(", "));
     const facts = [

@@ -5,6 +5,14 @@ import { t } from "./texts.js";
 
 const WIDTH = 320;
 const HEIGHT = 96;
+/** How long ago the robot told its level, if it is out of reach; else an empty text. */
+export function age({ link, battery_age: seconds }) {
+  if (link === "up" || seconds === null) {
+    return "";
+  }
+  return seconds < 60 ? t("seconds_ago", { seconds }) : t("minutes_ago", { minutes: Math.floor(seconds / 60) });
+}
+
 /** The plot covers at least this many seconds. */
 const SPAN = 600;
 
@@ -45,16 +53,18 @@ export function battery(connection) {
     points = message.points.map(([ago, level, charging]) => ({ at: now - ago, percent: level, charging }));
     draw();
   });
-  connection.on("state", ({ battery: level, low: isLow }) => {
+  connection.on("state", (state) => {
+    const { battery: level, low: isLow } = state;
     card.classList.toggle("low", isLow);
     if (!level) {
       return;
     }
     say(percent, level.percent === null ? "?" : `${level.percent} %`);
-    const left = level.minutes_left === null ? "" : t("minutes_left", { minutes: level.minutes_left });
+    const minutes = level.minutes_left;
+    const left = minutes === null ? "" : t(minutes === 1 ? "minute_left" : "minutes_left", { minutes });
     const unknown = level.charging ? t("charging_unknown") : t("level_unknown");
     const known = level.charging ? t("charging") : left;
-    say(words, level.percent === null ? unknown : known);
+    say(words, age(state) || (level.percent === null ? unknown : known));
     const last = points.at(-1);
     const now = Date.now() / 1000;
     if (!last || last.percent !== level.percent || now - last.at > 15) {

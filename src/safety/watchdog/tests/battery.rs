@@ -17,6 +17,33 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
 }
 
 #[test]
+fn while_a_persons_stop_holds_a_low_robot_stays_where_it_is_and_the_reasons_say_so() {
+    let mut rig = Rig::online(60);
+    rig.handle(Fact::StoppedByPerson(true));
+    let acts = [rig.report(power(20)), rig.pass(1000 * SECOND, false)].concat();
+    assert_eq!(count(&acts, &FIND), 0);
+    assert!(matches!(&reasons(&acts)[..], [one] if one.ends_with(STOP_HOLDS)));
+    assert!(!rig.dog.wants_rescue());
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+    let released = |rig: &mut Rig| {
+        rig.dog.apply(Fact::StoppedByPerson(false), rig.now);
+        let acts = rig.handle(Fact::Suspended);
+        assert!(reasons(&acts)[0].ends_with("goes home, STOP is released"));
+        assert_eq!(sent(&acts).last(), Some(&FIND));
+    };
+    released(&mut rig);
+    assert_eq!(rig.dog.take_dock_report(), None, "no link broke");
+    // Pressed on the way home.
+    rig.now += 10 * SECOND;
+    let acts = rig.handle(Fact::StoppedByPerson(true));
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
+    let report = rig.dog.take_dock_report().unwrap();
+    assert_eq!(report.outcome.end, DockEnd::Cancelled);
+    assert_eq!(count(&rig.pass(1000 * SECOND, false), &FIND), 0);
+    released(&mut rig);
+}
+
+#[test]
 fn a_low_level_at_rest_or_at_login_is_enough() {
     let acts = Rig::online(60).handle(Fact::Power(power(10)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);

@@ -231,7 +231,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             guardian_wrote,
         }),
         1 => prop::bool::weighted(0.85).prop_map(Fact::Guarded),
-        1 => any::<bool>().prop_map(Fact::StoppedByPerson),
+        1 => prop::bool::weighted(0.3).prop_map(Fact::StoppedByPerson),
         4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]
 }

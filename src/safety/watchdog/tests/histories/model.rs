@@ -39,6 +39,7 @@ pub(super) struct Known {
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
     pub(super) run_ended: bool,
+    pub(super) stopped: bool,
     /// The start of the battery's silence.
     pub(super) reported: Option<Instant>,
     /// The last report had no level.
@@ -88,6 +89,7 @@ impl Known {
             Fact::Rescuer(by) => self.rescuer = *by,
             Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
             Fact::RunEnding => self.run_ended = true,
+            Fact::StoppedByPerson(stopped) => self.stopped = *stopped,
             Fact::Engine(EngineReport::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
             Fact::Engine(EngineReport::Docked) => {
@@ -217,7 +219,8 @@ impl Known {
 
     /// Whether a grant may move it: that of a low robot, or of a docking that somebody asked for.
     pub(super) fn allows_a_grant(&self, limits: &Limits, now: Instant) -> bool {
-        self.online && !self.surely_docked(limits, now) && !self.run_ended
+        let away = self.online && !self.surely_docked(limits, now);
+        away && !self.run_ended && !self.stopped
     }
 
     pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
@@ -332,7 +335,8 @@ impl WayHome {
 pub(super) struct LongestWait(Option<Instant>);
 
 impl LongestWait {
-    /// A robot that is low, online and not charging, and does not report 0 % on its contacts, is sent BASE_FIND again within this time.
+    /// A robot that is low, online and not charging, that no person has stopped, and that does not
+    /// report 0 % on its contacts, is sent BASE_FIND again within this time.
     fn longest(limits: &Limits) -> Duration {
         let moment = Duration::from_secs(1);
         let pause = limits.dock_pause.get().max(moment);
@@ -350,7 +354,7 @@ impl LongestWait {
             slept,
         } = moment.play;
         let charges = dog.dock_state() == DockState::Charging || dog.is_flat();
-        let waits = known.online && known.low && !charges;
+        let waits = known.online && known.low && !charges && !known.stopped;
         if !waits || moment.sends(&FIND) {
             self.0 = waits.then_some(*now);
             return Ok(());
