@@ -50,7 +50,7 @@ fn messages(result: &Value) -> Vec<&str> {
 }
 
 fn assert_sentence(text: &str) {
-    let whole = text.starts_with(|c: char| c.is_uppercase()) && text.ends_with(['.', ')']);
+    let whole = text.starts_with(|c: char| c.is_uppercase()) && text.ends_with(['.', '?', ')']);
     assert!(whole && !text.contains("limit"), "{text}");
 }
 
