@@ -213,7 +213,7 @@ impl RestartLoop {
 
     /// Waits for a saved text that can be loaded; `None`: no file is watched, or the run ends.
     async fn wait_for_fix(&mut self, mut saved_text: Option<Vec<u8>>) -> Option<Prepared> {
-        if !self.is_watched() {
+        if !self.is_watched() || self.stop.reason().is_some() {
             return None;
         }
         loop {

@@ -7,8 +7,9 @@ use super::diagnostic::{Diagnostic, SourceText};
 use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
 use super::tree::{Expr, ExprKind, LocalId, Node, Statement, StatementKind, Tree, each_node};
-use super::{CheckContext, parser, passing, walk};
+use super::{CheckContext, parser, passing, syntax, walk};
 use crate::api::{self, Function, Value};
+use crate::script::compile_error;
 
 /// Explains an error such as `a.lua:3: attempt to index nil with 'cx'` in plain words, with the
 /// source line. `None` if it is not in this file or needs no explanation.
@@ -32,6 +33,9 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> 
         text: source,
     };
     let tree = parser::parse(source.text).ok();
+    if tree.is_none() && compile_error(source.text, chunk).is_some() {
+        return Some(syntax::diagnostic(source, text));
+    }
     let explained = tree.as_ref().and_then(|tree| {
         let context = CheckContext::defined();
         ErrorSite::new(tree, source, number, &context).explanation(words)
@@ -70,6 +74,13 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 fn general(words: &str, source: SourceText<'_>, at: Span) -> Option<Diagnostic> {
     if words.contains("attempt to yield across") {
         let help = "a function for table.sort or gsub, or a metamethod, cannot wait";
+        return Some(source.error(at, words).help(help));
+    }
+    let unknown = words.strip_prefix("unknown name '");
+    if let Some(name) = unknown.and_then(|rest| rest.strip_suffix('\'')) {
+        let behind = at.of(source.text).rsplit_once(name);
+        let text = behind.and_then(|(_, behind)| walk::text_without_quotes(name, behind));
+        let help = walk::meant(name).or(text).unwrap_or_default();
         return Some(source.error(at, words).help(help));
     }
     let found = GENERAL.iter().find(|(part, ..)| words.contains(part));

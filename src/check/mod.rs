@@ -260,11 +260,18 @@ mod tests {
         for (path, source) in corpus {
             let text = String::from_utf8(source.clone()).unwrap();
             let (by, line, words) = promise(&text);
+            let mut helps = text
+                .lines()
+                .filter_map(|line| line.strip_prefix("-- help: "));
+            let help = helps.next().unwrap_or_default();
             let diagnostics = checked(&source);
             let shown: Vec<String> = match by.as_str() {
                 "check" => diagnostics
                     .iter()
-                    .map(|one| format!("{}: {}", one.line, one.message))
+                    .map(|one| {
+                        let help = one.help.as_deref().unwrap_or_default();
+                        format!("{}: {}\n{help}", one.line, one.message)
+                    })
                     .collect(),
                 _ => {
                     let errors = diagnostics
@@ -276,9 +283,10 @@ mod tests {
                     vec![failure_with(&text, explain).replacen("test.lua:", "", 1)]
                 }
             };
-            let kept = shown
-                .iter()
-                .any(|one| one.starts_with(&format!("{line}: ")) && one.contains(&words));
+            let kept = shown.iter().any(|one| {
+                let begins = one.starts_with(&format!("{line}: "));
+                begins && one.contains(&words) && one.contains(help)
+            });
             if !kept {
                 wrong.push(format!(
                     "{}: {line}: {words:?}, but {shown:#?}",

@@ -40,10 +40,12 @@ pub(super) fn diagnostic(source: SourceText<'_>, complaint: &str) -> Diagnostic 
 impl ErrorSite<'_> {
     fn explanation(&self) -> Diagnostic {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Diagnostic>; 18] = [
+        let rules: [fn(&Self) -> Option<Diagnostic>; 20] = [
             Self::quotes,
             Self::unfinished,
             Self::unknown_symbols,
+            Self::counting_loop,
+            Self::unit,
             Self::comments,
             Self::increments,
             Self::other_languages,
@@ -314,13 +316,17 @@ impl ErrorSite<'_> {
         let adjoins = |at: usize| tokens[at + 1].span.start == tokens[at].span.end;
         // Whether a place is in the test of an `if` or of a loop.
         let is_tested = |at: usize| {
-            let words = ["if", "elseif", "while", "until", "then", "do", "("];
+            let words = ["if", "elseif", "while", "until", "then", "do"];
             let opening = texts[..at].iter().rposition(|text| words.contains(text));
-            opening.is_some_and(|opening| words[..4].contains(&texts[opening]))
+            opening.is_some_and(|opening| {
+                let inside = texts[opening..at].iter();
+                let count = |bracket| inside.clone().filter(|text| **text == bracket).count();
+                words[..4].contains(&texts[opening]) && count("(") == count(")")
+            })
         };
         for (at, token) in tokens.iter().enumerate() {
             let (last, message, help) = match &texts[at..] {
-                ["=", ">", ..] if adjoins(at) && is_tested(at) => {
+                ["=", ">", ..] if adjoins(at) && (is_number(at + 2) || is_tested(at)) => {
                     let help = "\"greater or equal\" is written >=";
                     (at + 1, "'=>' is not known here", help.to_owned())
                 }
@@ -331,6 +337,13 @@ impl ErrorSite<'_> {
                 ["=", ">", ..] if adjoins(at) => {
                     let help = "write function(name) ... end";
                     (at + 1, "a function is not written with =>", help.to_owned())
+                }
+                ["require", "(", "@" | "." | "..", rest @ ..] => {
+                    let length = rest.iter().position(|text| *text == ")");
+                    let last = at + 2 + length.unwrap_or(rest.len());
+                    let name = tokens[at + 2].span.to(tokens[last].span);
+                    let help = format!("write require(\"{}\")", name.of(self.source.text));
+                    (last, "the name of a module is written in quotes", help)
                 }
                 ["goto", ..] if at + 1 < tokens.len() => {
                     let help = "write break, continue or return";
@@ -350,6 +363,61 @@ impl ErrorSite<'_> {
             return Some(self.error(span, message).help(help));
         }
         None
+    }
+
+    /// `for i == 1, 3 do`, `for i = 1; 3 do` and `for i = 3 do`.
+    fn counting_loop(&self) -> Option<Diagnostic> {
+        let tokens = self.on_line();
+        let begins = tokens.iter().position(|token| self.text(token) == "for")?;
+        let header = tokens[begins..].iter();
+        let header = header.take_while(|token| self.text(token) != "do");
+        let header: Vec<&Token> = header.collect();
+        let [_, name, equals, first, ..] = header.as_slice() else {
+            return None;
+        };
+        let semicolon = header.iter().find(|token| self.text(token) == ";");
+        let (at, message) = match (self.text(equals), semicolon) {
+            ("==", _) => (equals, "the counter of a `for` is set with a single ="),
+            ("=", Some(semicolon)) => (semicolon, "these numbers are separated by commas"),
+            ("=", None) if self.words.contains("','") && self.words.contains("got 'do'") => {
+                (first, "a `for` needs two numbers: the first and the last")
+            }
+            _ => return None,
+        };
+        let numbers = first.span.to(header.last()?.span).of(self.source.text);
+        let numbers = match numbers.replace(';', ",") {
+            condition if condition.contains(['<', '>', '+']) => "1, 10".to_owned(),
+            last if at.span == first.span => format!("1, {last}"),
+            numbers => numbers,
+        };
+        let help = format!("write for {} = {numbers} do", self.text(name));
+        Some(self.error(at.span, message).help(help))
+    }
+
+    /// `50cm`.
+    fn unit(&self) -> Option<Diagnostic> {
+        let mut numbers = self.on_line().into_iter();
+        let token = numbers.find(|token| {
+            token.kind == TokenKind::Number
+                && self.words.contains("Malformed number")
+                && self.text(token).ends_with(char::is_alphabetic)
+        })?;
+        let text = self.text(&token);
+        let number = text.trim_end_matches(char::is_alphabetic);
+        let scaled = |by: f64| number.parse().map_or(0.0, |number: f64| number / by);
+        let help = match &text[number.len()..] {
+            "cm" => format!("a number has no unit; in metres, this is {}", scaled(100.0)),
+            "mm" => format!(
+                "a number has no unit; in metres, this is {}",
+                scaled(1000.0)
+            ),
+            "ms" => format!(
+                "a number has no unit; in seconds, this is {}",
+                scaled(1000.0)
+            ),
+            _ => format!("a number has no unit: write {number}"),
+        };
+        Some(self.error(token.span, "this is not a number").help(help))
     }
 
     fn single_equals(&self) -> Option<Diagnostic> {

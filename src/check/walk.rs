@@ -374,7 +374,11 @@ impl<'a> Walk<'a> {
         if paths.contains(name) || self.kinds.globals.contains(name) || self.context.open_globals {
             return;
         }
-        let (message, help) = self.unknown_name(name, span);
+        let (message, mut help) = self.unknown_name(name, span);
+        if help.is_empty() && !message.ends_with('?') {
+            let behind = &self.source.text[span.end..];
+            help = text_without_quotes(name, behind).unwrap_or_default();
+        }
         self.error(span, message, help);
     }
 
@@ -649,7 +653,14 @@ const MEANT: [(&str, &str); 35] = [
     ),
 ];
 
-fn meant(name: &str) -> Option<String> {
+/// The help for an unknown name that was perhaps meant as a text: one that is passed or kept.
+pub(super) fn text_without_quotes(name: &str, behind: &str) -> Option<String> {
+    let behind = behind.trim_start_matches(' ');
+    let is_whole = behind.starts_with([')', ',', '}', '\n']);
+    is_whole.then(|| format!("if this is a text, write it in quotes: \"{name}\""))
+}
+
+pub(super) fn meant(name: &str) -> Option<String> {
     let found = MEANT.iter().find(|(foreign, _)| *foreign == name);
     found.map(|(_, meant)| (*meant).to_owned())
 }

@@ -14,7 +14,7 @@ use crate::agent::{Behaviour, BehaviourSpec, RosterError};
 use crate::behaviour::{self, Launch, Library, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
-use crate::script::{self, GivenParam, ParamOrigin, ParamValue, suggestion};
+use crate::script::{self, GivenParam, ParamOrigin, ParamValue, nearest, suggestion};
 
 /// A watched behaviour file and the channel for its reloads.
 pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Vec<u8>>);
@@ -187,9 +187,29 @@ fn unique(name: String, names: &mut Vec<String>) -> String {
 /// Reads a script; the error has help for the user.
 pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
     behaviour::read_source(path).map_err(|error| {
-        Failure::unreadable_file("the behaviour", path, error)
-            .help("ready-made behaviours are in behaviours/")
+        Failure::unreadable_file("the behaviour", path, error).help(
+            near(path).unwrap_or_else(|| "ready-made behaviours are in behaviours/".to_owned()),
+        )
     })
+}
+
+/// Names the script beside a missing one that was perhaps meant.
+fn near(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let files = entries
+        .take(1000)
+        .flatten()
+        .map(|entry| PathBuf::from(entry.file_name()));
+    let scripts = files.filter(|file| file.extension().is_some_and(|ending| ending == "lua"));
+    let stems: Vec<String> = scripts
+        .filter_map(|file| Some(file.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    let wanted = path.file_name()?.to_str()?;
+    let wanted = wanted.strip_suffix(".lua").unwrap_or(wanted);
+    let stem = nearest(wanted, stems.iter().map(String::as_str))?;
+    let found = path.with_file_name(format!("{stem}.lua"));
+    (found != path).then(|| format!("did you mean {}?", found.display()))
 }
 
 /// `--param NAME=VALUE`: a value for a parameter that a script declares with `params.declare`,

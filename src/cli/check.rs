@@ -105,7 +105,7 @@ pub(super) fn before_run<'a>(
         .into_iter()
         .partition(|diagnostic| diagnostic.severity == Severity::Error);
     for warning in warnings {
-        console.write_line("WARN", &warning.text());
+        console.write_line("WARN", &warning.to_string());
     }
     let texts: Vec<_> = errors.iter().map(Diagnostic::text).collect();
     if texts.is_empty() {

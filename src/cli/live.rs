@@ -67,13 +67,12 @@ fn describe(value: &ParamValue) -> String {
 }
 
 fn refused(error: LiveError) -> Failure {
+    let help = "without --live, and without `live:` in the config, no page is served";
     match &error {
-        LiveError::Access(_) => Failure::usage(error).help("without --live the run serves no page"),
+        LiveError::Access(_) => Failure::usage(error).help(help),
         LiveError::Socket { .. } => Failure::internal(error)
             .help("does another run use it? --live=127.0.0.1:0 picks a free port"),
-        LiveError::System(_) => {
-            Failure::internal(error).help("without --live the run serves no page")
-        }
+        LiveError::System(_) => Failure::internal(error).help(help),
     }
 }
 

@@ -28,6 +28,9 @@ use editor::{EditorCommand, Typed};
 
 /// Name of the session in logs, and of its data folder.
 const NAME: &str = "repl";
+/// The answer to `help`.
+const HELP: &str = "type Lua, such as robot.move(30, 30, 2); `spykee api` in another terminal lists all \
+                    calls, `spykee api NAME` explains one";
 /// If the terminal takes longer than this to show a prompt, the tracks are stopped.
 const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
 /// Length of the queue to the terminal; the last slot is reserved for the outcome of the line.
@@ -182,6 +185,11 @@ impl Repl {
     fn take(&mut self, typed: Typed) {
         match typed {
             Typed::Ready => self.terminal_due = None,
+            Typed::Line { text, .. } if text.trim() == "help" => {
+                self.running = true;
+                self.print(HELP);
+                self.finish(EditorCommand::Prompt);
+            }
             Typed::Line { text, more } => {
                 self.running = true;
                 self.send(PromptCommand::Evaluate { text, more });

@@ -10,7 +10,7 @@ use super::{Exit, Failure, argument, print};
 use crate::link::Target;
 use crate::script::suggestion;
 use crate::side_thread::SideThread;
-use crate::sim::{Handle, Options, Server, World};
+use crate::sim::{DocumentError, Handle, Options, Server, World};
 
 #[derive(Debug, Clone, clap::Subcommand)]
 pub(super) enum WorldAction {
@@ -87,6 +87,9 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
         return Ok(world);
     }
     World::load(path).map_err(|error| {
+        if matches!(error, DocumentError::Invalid { .. }) {
+            return Failure::usage(error);
+        }
         let names: Vec<&str> = World::builtin_names().collect();
         let near = suggestion(&path.to_string_lossy(), names.iter().copied());
         let names = names.join(", ");
@@ -113,6 +116,9 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     let mut wrong = Vec::new();
     for path in worlds {
         match World::load(path) {
+            Ok(world) if world.name.is_empty() => {
+                print(&format!("{}: valid, without a name\n", path.display()))?;
+            }
             Ok(world) => _ = print(&format!("{}: valid, {}\n", path.display(), world.name))?,
             Err(error) => wrong.push(error.to_string()),
         }

@@ -1,5 +1,6 @@
 //! The behaviours that a scenario runs: loads their files for the agent.
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -75,9 +76,12 @@ impl Behaviours {
         if !named {
             return Err(CallError::NoScript(file.clone()));
         }
-        let source = read_source(file).map_err(|source| CallError::Read {
-            path: file.clone(),
-            source,
+        let source = read_source(file).map_err(|source| match source.kind() {
+            ErrorKind::NotFound => CallError::NoFile(file.clone()),
+            _ => CallError::Read {
+                path: file.clone(),
+                source,
+            },
         })?;
         let name = entry.name()?;
         let chunk = file.display().to_string();

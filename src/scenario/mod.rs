@@ -78,6 +78,8 @@ enum CallError {
     NoFolder,
     #[error("{} is not a behaviour: its name must end in .lua or .luau", .0.display())]
     NoScript(PathBuf),
+    #[error("there is no {}", .0.display())]
+    NoFile(PathBuf),
     #[error("cannot read the behaviour {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
     #[error("the behaviour has errors:\n{0}")]

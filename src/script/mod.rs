@@ -572,6 +572,12 @@ impl Script {
                 let start = Wakeup::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
+            Err(Evaluated::Failed(text)) => {
+                let text = state.explained(&text);
+                state
+                    .output
+                    .push(FromHost::Evaluated(Evaluated::Failed(text)));
+            }
             Err(answer) => state.output.push(FromHost::Evaluated(answer)),
         }
     }

@@ -133,6 +133,39 @@ fn a_module_that_cannot_be_loaded_is_reported_where_it_is_required() {
     assert_contains(&text, &["main.lua:1:15: error: ", "link"]);
 }
 
+#[test]
+fn a_run_names_the_script_that_was_meant_and_marks_warnings() {
+    let folder = tempfile::tempdir().unwrap();
+    written(folder.path(), "first.lua", "task.wait(1000)\n");
+    for name in ["first", "frist.lua"] {
+        let output = run_in(folder.path(), &["run", name, "--sim"]);
+        assert_eq!(output.code, Some(2), "{}", output.err);
+        assert_contains(&output.err, &["did you mean first.lua?"]);
+    }
+    let output = run_in(folder.path(), &["run", "third.lua", "--sim"]);
+    assert_contains(&output.err, &["ready-made behaviours are in behaviours/"]);
+    let args = ["run", "first.lua", "--sim", "--fast", "--for", "1"];
+    let output = run_in(folder.path(), &args);
+    assert_contains(
+        &output.err,
+        &["first.lua:1:11: warning: task.wait takes seconds"],
+    );
+}
+
+#[test]
+fn a_page_without_a_token_is_refused_in_words_that_fit_a_service() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = "service: { user: root }\nlive: { listen: 0.0.0.0:0 }\n";
+    written(folder.path(), "spykee.yaml", config);
+    let output = run_in(folder.path(), &["serve", "--robot", "127.0.0.1:9"]);
+    assert_eq!(output.code, Some(2), "{}", output.err);
+    let words = [
+        "there is no token",
+        "without `live:` in the config, no page is served",
+    ];
+    assert_contains(&output.err, &words);
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_error_in_a_module_shows_that_modules_line() {
     let rig = Rig::quiet().await;

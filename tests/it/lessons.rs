@@ -202,7 +202,7 @@ fn a_class_is_graded_with_missing_and_copied_scripts() {
     let other_lesson = "-- spykee lesson 1\nrobot.move(40, 40, 2)\n";
     fs::write(folder("").join("Eva.lua"), other_lesson).unwrap();
     symlink(folder("Ada").join("moving.lua"), folder("").join("Gus.lua")).unwrap();
-    fs::write(class.path().join("names.txt"), "Ada\nBen\n\nFinn\n").unwrap();
+    fs::write(class.path().join("names.txt"), "\u{feff}Ada\nBen\n\nFinn\n").unwrap();
     let grade = |form: &[&str]| {
         let args = [
             "lesson",
@@ -223,7 +223,7 @@ fn a_class_is_graded_with_missing_and_copied_scripts() {
         "Ada       10",
         "Eva        2  The script names lesson 1, Lights, at its top. It drives away and stays there",
         "Gus        -  handed in as a symbolic link, which is not followed",
-        "=Cem       0  The script cannot run: robot.moev does not exist",
+        "=Cem       0  The script cannot run: line 1: robot.moev does not exist",
         "No script to check from: Dora, Finn, Gus",
         "Nearly the same text (",
         "): Ada and Ben",

@@ -109,6 +109,21 @@ async fn mistakes_are_explained_and_the_session_continues() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_mistake_gets_the_help_that_check_gives_and_help_names_the_reference() {
+    let lines = "x = [1]\nlen(3)\nprint(hello)\nhelp\n";
+    let (code, out, err) = typed(lines).await;
+    assert_eq!(code, Some(1), "{out}{err}");
+    for words in [
+        "help: a list is written in braces: { 1, 2, 3 }",
+        "help: the length of a list or text is #list",
+        "help: if this is a text, write it in quotes: \"hello\"",
+        "`spykee api NAME` explains one",
+    ] {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_line_that_never_waits_ends_the_session_and_a_new_one_begins() {
     let (code, out, err) = typed("x = 1\nwhile true do end\nx\n2 + 3\n").await;
     assert_eq!(code, Some(1), "{out}{err}");

@@ -90,6 +90,22 @@ fn a_failure_is_reported_with_place_time_and_picture() {
 }
 
 #[test]
+fn files_of_one_name_in_two_folders_write_two_pictures() {
+    let source = "scenario('it flies', { battery = 80 }, function(sim) expect(false) end)\n";
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["one", "two"] {
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+        std::fs::write(folder.path().join(name).join("fly_test.lua"), source).unwrap();
+    }
+    let output = run_in(folder.path(), &["test"]);
+    assert_eq!(output.code, Some(4), "{}", output.text());
+    let pictures = folder.path().join("spykee-data/scenarios");
+    for name in ["one-fly-test-it-flies-1.png", "two-fly-test-it-flies-1.png"] {
+        assert!(pictures.join(name).exists(), "{name}: {}", output.text());
+    }
+}
+
+#[test]
 fn the_same_seed_gives_the_same_result_with_any_number_of_jobs() {
     let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
     let play = |jobs| {
@@ -271,7 +287,7 @@ fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
         ("sim:noise(3, 1)", "dbfs must be between -90 and -3, got 3"),
         ("sim:fault({ fault = 'dorp' })", "drop"),
         ("sim:fault({ fault = 'drop', byte = 3 })", "byte"),
-        ("sim:run('b.lua')", "cannot read the behaviour b.lua"),
+        ("sim:run('b.lua')", "there is no b.lua"),
         ("sim:run({ 'a.lua', prio = 3 })", "unknown field `prio`"),
         ("sim:run('a.lua', 'a.lua')", "two behaviours are called 'a'"),
         ("sim:run() sim:run()", "behaviours are running already"),

@@ -201,12 +201,17 @@ async fn a_saved_script_is_reloaded_and_a_faulty_one_does_not_drive() {
 async fn with_watch_a_script_may_have_errors_at_first() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", "x = = 1");
-    let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
+    let mut run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
     run.says("script.lua:1").await;
     run.says("stands still until the script is saved again")
         .await;
     std::fs::write(script, "robot.move(60, 60) task.wait(600)").unwrap();
     wait_for_move(&rig, 0, 54).await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    // The run that ends does not wait for another save.
+    let text = run.text();
+    assert_eq!(text.matches("stands still until").count(), 1, "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -92,17 +92,36 @@ impl ErrorSite<'_> {
 
     /// `Expected ')' (to close '(' at line 3), got ...`
     pub(super) fn brackets(&self) -> Option<Diagnostic> {
-        let mut open: Vec<&Token> = Vec::new();
-        for token in &self.tokens {
+        // The brackets and the blocks that are open, and the last `end` inside each.
+        let mut open: Vec<(&Token, Option<usize>)> = Vec::new();
+        let is_bracket =
+            |one: &(&Token, Option<usize>)| matches!(self.text(one.0), "(" | "[" | "{");
+        let expects = ["')'", "']'", "'}'"];
+        let expects = expects.iter().any(|one| self.words.contains(one));
+        let tokens = self.tokens.iter().zip(self.opens_blocks()).enumerate();
+        for (at, (token, opens)) in tokens {
             if self.line_of(token) > self.line {
                 break;
             }
             match self.text(token) {
-                "(" | "[" | "{" => open.push(token),
+                _ if opens => open.push((token, None)),
+                "(" | "[" | "{" => open.push((token, None)),
+                "end" | "until" => {
+                    let inner = open.iter().rposition(|one| !is_bracket(one));
+                    let is_crossed = inner.is_some_and(|block| block + 1 < open.len());
+                    if is_crossed && expects {
+                        break;
+                    }
+                    open.truncate(inner.unwrap_or(open.len()));
+                    if let Some(outer) = open.last_mut() {
+                        outer.1 = Some(at);
+                    }
+                }
                 ")" | "]" | "}" => {
-                    let fits = open
-                        .pop()
-                        .is_some_and(|open| closing(self.text(open)) == self.text(token));
+                    let opened = open.iter().rposition(is_bracket);
+                    let fits =
+                        opened.is_some_and(|at| closing(self.text(open[at].0)) == self.text(token));
+                    open.truncate(opened.unwrap_or_default());
                     if !fits {
                         let message = format!("this '{}' closes nothing", self.text(token));
                         let help = "each bracket is opened once and closed once";
@@ -112,17 +131,31 @@ impl ErrorSite<'_> {
                 _ => {}
             }
         }
-        if !["')'", "']'", "'}'"]
-            .iter()
-            .any(|one| self.words.contains(one))
-        {
+        if !expects {
             return None;
         }
-        let token = open.last()?;
+        let (token, end) = open.into_iter().rfind(is_bracket)?;
+        Some(self.never_closed(token, end))
+    }
+
+    /// An open bracket, and the last `end` of a block inside it.
+    fn never_closed(&self, token: &Token, end: Option<usize>) -> Diagnostic {
         let close = closing(self.text(token));
+        if let Some(at) = end
+            && let Some(next) = self.tokens.get(at + 1)
+            && (next.kind == TokenKind::End || self.begins_line(next))
+        {
+            let line = self.line_of(token);
+            let message = format!(
+                "after this `end`, the '{}' of line {line} is still open",
+                self.text(token)
+            );
+            let help = format!("write end{close}");
+            return self.error(self.tokens[at].span, message).help(help);
+        }
         let message = format!("this '{}' is never closed", self.text(token));
         let help = format!("a '{close}' or a comma is missing");
-        Some(self.error(token.span, message).help(help))
+        self.error(token.span, message).help(help)
     }
 
     /// `Incomplete statement: expected assignment or a function call`.
@@ -152,7 +185,10 @@ impl ErrorSite<'_> {
                     span.of(self.source.text)
                 )
             }
-            Some(_) => String::new(),
+            Some(_) => {
+                let whole = self.whole_line().of(self.source.text);
+                format!("keep the result: local result = {whole}")
+            }
         };
         let message = format!("`{}` alone does nothing", span.of(self.source.text));
         Some(self.error(span, message).help(help))
@@ -164,7 +200,9 @@ impl ErrorSite<'_> {
             return None;
         }
         let failed_at = parser::parse(self.source.text).err()?;
-        let before = *self.tokens_before(failed_at).last()?;
+        let before = self.tokens_before(failed_at);
+        let index = before.len();
+        let before = *before.last()?;
         let found = failed_at.of(self.source.text);
         if matches!(found, ")" | "]" | "}")
             && let Some(open) = self.open_block(failed_at.start)
@@ -172,6 +210,9 @@ impl ErrorSite<'_> {
             return Some(self.without_end(open, self.line_at(failed_at.start)));
         }
         let before_text = self.text(before);
+        let is_alone = self.line_at(failed_at.start) > self.line_of(before)
+            && found.starts_with(|c: char| c.is_alphanumeric() || c == '"')
+            && self.begins_statement(index);
         let (message, help) = match (before_text, found) {
             ("end", ")" | "]" | "}") => (
                 format!("`{found}` does not belong after this `end`"),
@@ -181,13 +222,26 @@ impl ErrorSite<'_> {
                 format!("`repeat` takes no number: `{found}` cannot come after it"),
                 "to count, write for count = 1, 10 do ... end",
             ),
+            ("do" | "then" | "else" | "repeat", "{") => (
+                "'{' does not begin a block".to_owned(),
+                "a block needs no braces: write `end` where it ends",
+            ),
+            (_, "[") => (
+                format!("a value is missing after `{before_text}`: `[` is not one"),
+                "a list is written in braces: { 1, 2, 3 }",
+            ),
+            (_, found) if is_alone => (
+                format!("`{found}` alone does nothing"),
+                "a line begins with a name or a word such as if, for or local",
+            ),
             (_, "") => (format!("a value is missing after `{before_text}`"), ""),
             _ => (
                 format!("a value is missing after `{before_text}`: `{found}` is not one"),
                 "",
             ),
         };
-        Some(self.error(before.span, message).help(help))
+        let span = if is_alone { failed_at } else { before.span };
+        Some(self.error(span, message).help(help))
     }
 
     fn tokens_before(&self, span: Span) -> Vec<&Token> {
@@ -226,7 +280,7 @@ impl ErrorSite<'_> {
         let (expected, rest) = rest.split_once(", got ")?;
         let expected = expected.split(" when parsing ").next()?;
         let expected = expected.split(" (").next()?;
-        let got = rest.split(';').next()?.trim();
+        let got = rest.split("; ").next()?.trim();
         let value = got.starts_with(['"', '\''])
             && got
                 .trim_matches('\'')
@@ -239,7 +293,19 @@ impl ErrorSite<'_> {
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
         };
-        Some(self.error(self.location(), message))
+        let location = self.location();
+        let before = self.tokens_before(location);
+        let words = value && before.last().is_some_and(|one| one.kind == TokenKind::Name);
+        let help = if words
+            && location
+                .of(self.source.text)
+                .starts_with(char::is_alphabetic)
+        {
+            "if this is a text, write it in quotes: \"...\""
+        } else {
+            ""
+        };
+        Some(self.error(location, message).help(help))
     }
 
     /// `Expected 'end' (to close 'function' at line 3), got <eof>`; the same with `'until'`.

@@ -57,9 +57,15 @@ impl<'a> Walk<'a> {
             {
                 self.unknown_field(owner, name, *at);
             }
-            ValueKind::Object(of) if of.method(name).is_some() => {
+            kind @ (ValueKind::Object(_) | ValueKind::Text(_))
+                if match kind {
+                    ValueKind::Object(of) => of.method(name).is_some(),
+                    _ => self.has("string", name),
+                } =>
+            {
                 let again = arguments.first().map(|first| self.kinds.kind_of(first));
-                if !matches!(again, Some(ValueKind::Object(_) | ValueKind::Unknown)) {
+                use ValueKind as K;
+                if !matches!(again, Some(K::Object(_) | K::Text(_) | K::Unknown)) {
                     let object = self.source_text(object.span);
                     let message =
                         format!("{name} must be called with a colon: {object}:{name}(...)");
@@ -96,7 +102,8 @@ impl<'a> Walk<'a> {
 
     /// Warns of numbers that are probably not meant in the parameter's unit.
     fn units(&mut self, function: &'static Function, arguments: &'a [Expr]) {
-        let Some(first) = arguments.first() else {
+        let place = if function.path == "robot.move" { 2 } else { 0 };
+        let Some(first) = arguments.get(place) else {
             return;
         };
         let text = first.span.of(self.source.text);
@@ -121,6 +128,19 @@ impl<'a> Walk<'a> {
                 ),
                 format!("for milliseconds, write {path}({})", number / 1000.0),
             ),
+            "robot.move" if number >= 500.0 && number % 100.0 == 0.0 => (
+                format!(
+                    "robot.move takes seconds: {number} are {:.0} minutes",
+                    number / 60.0
+                ),
+                format!("for milliseconds, write {}", number / 1000.0),
+            ),
+            "easy.forward" | "easy.back" if number == 0.0 => {
+                let Some(help) = self.decimal_comma(arguments) else {
+                    return;
+                };
+                (format!("{} over 0 metres", function.path), help)
+            }
             "robot.turn" if number.abs() > MAX_RADIANS => {
                 let turns = number.abs() / std::f64::consts::TAU;
                 (
@@ -321,7 +341,10 @@ impl<'a> Walk<'a> {
         {
             let got = arguments.len();
             let message = format!("{call}: takes {}, got {got}", counted(most));
-            self.error(extra.span, message, function.call());
+            let help = self
+                .decimal_comma(arguments)
+                .unwrap_or_else(|| function.call());
+            self.error(extra.span, message, help);
         }
         let parameters = function.form(arguments.len());
         let is_short = parameters.len() < most;
@@ -342,6 +365,18 @@ impl<'a> Walk<'a> {
             self.error(span, message, function.call());
         }
         self.special(function, arguments);
+    }
+
+    /// The help for `0,5`: two numbers without a blank between them.
+    fn decimal_comma(&self, arguments: &'a [Expr]) -> Option<String> {
+        let [.., whole, part] = arguments else {
+            return None;
+        };
+        let text = self.source_text(whole.span.to(part.span));
+        let is_digit = |c: char| c.is_ascii_digit();
+        let (whole, part) = text.split_once(',')?;
+        let is_number = whole.chars().all(is_digit) && part.chars().all(is_digit);
+        is_number.then(|| format!("decimals come after a point: {whole}.{part}"))
     }
 
     /// Only a warning: the script may handle a stream that the config keeps off.

@@ -108,6 +108,8 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     let text = files::read_text(path, MAX_NAMES).map_err(|error| {
         Failure::unreadable(path, error).help("--names needs a text file with one name per line")
     })?;
+    // Some editors put a byte order mark at the beginning.
+    let text = text.trim_start_matches('\u{feff}');
     let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
     Ok(names.map(str::to_owned).collect())
 }
@@ -166,7 +168,8 @@ fn played_file(file: &Path, source: &[u8], args: &GradeArgs, own: &Path) -> io::
 fn missing(marks: &Marks) -> Vec<String> {
     if marks.cannot_run {
         let first = marks.diagnostics.first();
-        let why = first.map_or("", |found| found.message.as_str());
+        let why = first.map(|found| format!("line {}: {}", found.line, found.message));
+        let why = why.unwrap_or_default();
         return vec![format!("The script cannot run: {why}")];
     }
     let mut sentences: Vec<String> = Vec::new();

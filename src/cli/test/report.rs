@@ -237,14 +237,17 @@ impl Run<'_> {
     }
 
     fn picture_name(&self) -> String {
-        let stem = self.job.file.file().file_stem().unwrap_or_default();
+        // The folders, too: two of them can have files of one name.
+        let file = self.job.file.file().with_extension("");
+        let file = file.to_string_lossy();
+        let start = file.char_indices().rev().nth(99).map_or(0, |(at, _)| at);
         let slug = |text: &str| -> String {
             let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-            text.chars().take(60).map(plain).collect()
+            text.chars().take(100).map(plain).collect()
         };
         format!(
             "{}-{}-{}.png",
-            slug(&stem.to_string_lossy()),
+            slug(&file[start..]),
             slug(&self.job.scenario.name),
             self.job.seed
         )
