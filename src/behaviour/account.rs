@@ -4,9 +4,10 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use parking_lot::{Mutex, MutexGuard};
 use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 
@@ -31,7 +32,7 @@ pub struct Accounts(Arc<Mutex<BTreeMap<String, Account>>>);
 impl Accounts {
     /// The account of a behaviour; a new one if its limits or folders are others than before.
     pub(super) fn open(&self, options: &Options) -> Account {
-        let mut accounts = locked(&self.0);
+        let mut accounts = self.0.lock();
         let kept = accounts.get(&options.name);
         if let Some(kept) = kept.filter(|kept| kept.is_for(options)) {
             return kept.clone();
@@ -81,7 +82,7 @@ impl Account {
     }
 
     pub(super) fn limiter(&self) -> MutexGuard<'_, HostLimiter> {
-        locked(&self.limiter)
+        self.limiter.lock()
     }
 
     /// Weighs what was written since the last time. Returns how many bytes of pictures the behaviour
@@ -98,7 +99,7 @@ impl Account {
         }
         let recent = SystemTime::now().checked_sub(RECENT).unwrap_or(UNIX_EPOCH);
         let recent = recent.duration_since(UNIX_EPOCH).unwrap_or_default();
-        let mut disk = locked(&self.disk);
+        let mut disk = self.disk.lock();
         let is_new = |(name, item): &(&(usize, String), &Item)| match &disk.files {
             Some(before) => before.get(*name) != Some(*item),
             None => u64::try_from(item.written.0).is_ok_and(|at| at > recent.as_secs()),
@@ -129,10 +130,6 @@ impl Account {
             sleep(PACE.max(began.elapsed() * 100)).await;
         }
     }
-}
-
-fn locked<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
-    of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

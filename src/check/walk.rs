@@ -12,7 +12,7 @@ use super::lexer::Span;
 use super::passing;
 use super::tree::{Block, Entry, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use crate::api::{self, Function};
-use crate::script::suggestion;
+use crate::yaml::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,

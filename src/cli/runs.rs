@@ -62,7 +62,7 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
     let behaviours = run.behaviours.iter().map(|one| one.name.as_str());
     // Out of reach, all that is known of the robot is as old as its level.
     let age = match run.battery_age {
-        Some(age) if run.link != LinkState::Up.name() => {
+        Some(age) if run.link != LinkState::Up => {
             format!(", {} ago", clock::hours(Duration::from_secs(age)))
         }
         _ => String::new(),

@@ -3,11 +3,12 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::Utf8Bytes;
+use parking_lot::{Mutex, MutexGuard};
 use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::sync::{Semaphore, broadcast, watch};
@@ -110,7 +111,8 @@ pub(super) struct Broadcast {
     pub(super) map: watch::Sender<Utf8Bytes>,
     pub(super) behaviours: watch::Sender<Utf8Bytes>,
     pub(super) history: Mutex<BatteryHistory>,
-    viewers: Mutex<ViewerList>,
+    /// To be locked only for short lookups.
+    pub(super) viewers: Mutex<ViewerList>,
     robot: watch::Sender<Option<RobotInfo>>,
     /// Whether the pilot responds.
     alive: AtomicBool,
@@ -153,7 +155,7 @@ impl Broadcast {
 
     /// Locks the viewers; only for short lookups. A driver whose task has ended is gone.
     pub(super) fn lock_viewers(&self) -> MutexGuard<'_, ViewerList> {
-        let mut viewers = self.viewers.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut viewers = self.viewers.lock();
         viewers
             .driver
             .take_if(|(_, setpoints)| setpoints.is_closed());
@@ -230,8 +232,8 @@ impl Broadcast {
                 }
             });
         }
-        loop {
-            match bus.next().await {
+        while let Some(message) = bus.next().await {
+            match message {
                 BusMessage::Event(event) => {
                     self.metrics.count(&event.what);
                     if let AgentEvent::LinkUp { robot, .. } = &event.what {
@@ -241,7 +243,6 @@ impl Broadcast {
                 BusMessage::Missed(missed) => {
                     tracing::debug!("the page has missed {missed} events")
                 }
-                BusMessage::Closed => return,
             }
         }
     }
@@ -254,7 +255,7 @@ impl Broadcast {
             let now = self.now();
             let state = self.state(&mut rate, now);
             if let Some(battery) = self.run.status.borrow().battery {
-                let mut history = self.history.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut history = self.history.lock();
                 history.record(battery, now);
             }
             publish(&self.state, &ToPage::State(&state));

@@ -8,10 +8,11 @@
 
 use std::cmp::Reverse;
 use std::future::Future;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::watch;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -118,18 +119,14 @@ impl Viewer {
             .take(24)
             .collect::<String>();
         if !name.trim().is_empty() {
-            *self.name() = name.trim().to_owned();
+            *self.name.lock() = name.trim().to_owned();
         }
-    }
-
-    fn name(&self) -> MutexGuard<'_, String> {
-        self.name.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn person(&self) -> Person {
         Person {
             id: self.id,
-            name: self.name().clone(),
+            name: self.name.lock().clone(),
         }
     }
 

@@ -98,10 +98,10 @@ fn worlds_are_listed_and_checked() {
     let checked = command(&["sim", "check", bad.to_str().unwrap()]);
     assert_eq!(checked.code, Some(4));
     let error = checked.err;
-    assert_contains(&error, &["bad.yaml:1:", "`depth`"]);
+    assert_contains(&error, &["bad.yaml:1:", "'depth'"]);
     std::fs::write(folder.path().join("a.lua"), "").unwrap();
     let run = run_in(folder.path(), &["run", "a.lua", "--sim", "bad.yaml"]);
-    assert_contains(&run.err, &["bad.yaml:1:", "`depth`"]);
+    assert_contains(&run.err, &["bad.yaml:1:", "'depth'"]);
     assert!(!run.err.contains("name a world file"), "{}", run.err);
     let unnamed = folder.path().join("unnamed.yaml");
     std::fs::write(&unnamed, "room: {width: 4, depth: 3}\n").unwrap();
