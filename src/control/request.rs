@@ -43,8 +43,8 @@ pub enum RunRequest {
     /// Release STOP: the robot may move again.
     ResetStop,
     /// Drive to the station, and end the behaviours that drive: a person starts them again. The answer
-    /// comes when the robot is there, or the docking has failed. Between two searches the rescue
-    /// behaviour drives the robot elsewhere.
+    /// comes when the robot is there, or the docking has failed. With more than two retries the rescue
+    /// behaviour drives the robot elsewhere between two searches.
     Dock {
         /// Maximum duration of one search, from 1 to 3600 s; 180 unless given.
         seconds: Option<u64>,

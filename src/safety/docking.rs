@@ -190,13 +190,14 @@ impl Docking {
 
     // Between two attempts.
 
-    /// Whether an attempt has failed, and another follows or is under way.
-    pub fn has_failed(&self) -> bool {
+    /// Whether a behaviour that can see should drive it between its attempts: one has failed, and it
+    /// has more retries than usual. With the usual ones it gives its result soon.
+    pub fn wants_rescue(&self) -> bool {
         let waits = matches!(
             self.phase,
             DockingPhase::BackingOff { .. } | DockingPhase::Granted(_)
         );
-        waits || self.attempts > 1
+        self.plan.retries > DockPlan::DEFAULT.retries && (waits || self.attempts > 1)
     }
 
     /// Grants the tracks until the next attempt, instead of backing off; returns for how long.

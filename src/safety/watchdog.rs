@@ -359,11 +359,11 @@ impl Watchdog {
     }
 
     /// Whether a rescue behaviour should be running: the robot is not on its station, and its battery
-    /// is low or an attempt of a docking that somebody asked for has failed. True some time before the
-    /// first grant, so that its host has time to start.
+    /// is low or a docking that somebody asked for wants it. True some time before the first grant, so
+    /// that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
-        let failed = |active: &ActiveDocking| active.is_asked() && active.docking.has_failed();
-        let asked = self.docking.as_ref().is_some_and(failed);
+        let wants = |active: &ActiveDocking| active.is_asked() && active.docking.wants_rescue();
+        let asked = self.docking.as_ref().is_some_and(wants);
         let off = self.run_ending || self.stopped_by_person || self.limits.rescue == Rescue::Off;
         !off && (asked || self.battery_monitor.low().is_some()) && !self.is_in_place()
     }

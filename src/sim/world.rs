@@ -485,7 +485,7 @@ mod tests {
             ),
             (
                 "battery: {level: 50, power: volts}\n",
-                "`percent` or `voltage`",
+                "valid are percent, voltage",
             ),
             (
                 "rugs: [{at: [1, 1], width: 1, depth: 1, colour: red, height: 0.1}]\n",

@@ -50,7 +50,10 @@ const RESCUER: BehaviourId = BehaviourId(9);
 /// A docking of `WHO` whose second search has failed, with a rescue behaviour, which drives.
 fn granted() -> Rig {
     let mut rig = Rig::online(60);
-    rig.dock(7);
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::ORDERED,
+    });
     assert!(!rig.dog.wants_rescue());
     rig.pass(10 * SECOND, false);
     rig.handle(Fact::Engine(EngineReport::BaseNotFound));
@@ -91,12 +94,25 @@ fn between_two_searches_of_a_docking_the_rescue_behaviour_drives() {
     assert!(rig.dog.moving());
     let acts = rig.ask_as(RESCUER, 0, Intent::Stop);
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-    let over = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
-    assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 3)));
+    let next = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    let [Event::DriveGrant { seconds, .. }] = events(&next)[..] else {
+        panic!("{next:?}");
+    };
+    assert_eq!(seconds, Limits::default().rescue_time.get());
+    let over = rig.ask(Intent::CancelDock);
+    assert_eq!(dock_ended(&over), Some((DockEnd::Cancelled, 3)));
     assert!(!rig.dog.wants_rescue() && !rig.dog.moving());
     // It has nothing to drive for.
     assert_eq!(rescuer_drives(&mut rig), [ended(1, MotionEnd::Preempted)]);
     assert!(!rig.dog.moving());
+}
+
+#[test]
+fn a_docking_with_the_usual_retries_backs_off_and_needs_no_rescue() {
+    let mut rig = Rig::online(60);
+    rig.dock(7);
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    assert!(!rig.dog.wants_rescue());
 }
 
 #[test]
