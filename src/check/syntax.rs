@@ -377,8 +377,12 @@ impl ErrorSite<'_> {
         };
         let semicolon = header.iter().find(|token| self.text(token) == ";");
         let (at, message) = match (self.text(equals), semicolon) {
-            ("==", _) => (equals, "the counter of a `for` is set with a single ="),
-            ("=", Some(semicolon)) => (semicolon, "these numbers are separated by commas"),
+            ("==", _) if self.words.contains("'=='") => {
+                (equals, "the counter of a `for` is set with a single =")
+            }
+            ("=", Some(semicolon)) if self.words.contains("';'") => {
+                (semicolon, "these numbers are separated by commas")
+            }
             ("=", None) if self.words.contains("','") && self.words.contains("got 'do'") => {
                 (first, "a `for` needs two numbers: the first and the last")
             }

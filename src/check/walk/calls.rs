@@ -57,15 +57,10 @@ impl<'a> Walk<'a> {
             {
                 self.unknown_field(owner, name, *at);
             }
-            kind @ (ValueKind::Object(_) | ValueKind::Text(_))
-                if match kind {
-                    ValueKind::Object(of) => of.method(name).is_some(),
-                    _ => self.has("string", name),
-                } =>
-            {
+            kind if self.has_method(kind, name) => {
                 let again = arguments.first().map(|first| self.kinds.kind_of(first));
-                use ValueKind as K;
-                if !matches!(again, Some(K::Object(_) | K::Text(_) | K::Unknown)) {
+                let again = again.unwrap_or(ValueKind::Nothing);
+                if !self.has_method(again, name) && !matches!(again, ValueKind::Unknown) {
                     let object = self.source_text(object.span);
                     let message =
                         format!("{name} must be called with a colon: {object}:{name}(...)");
@@ -73,6 +68,14 @@ impl<'a> Walk<'a> {
                 }
             }
             _ => {}
+        }
+    }
+
+    fn has_method(&self, kind: ValueKind<'a>, name: &str) -> bool {
+        match kind {
+            ValueKind::Object(of) => of.method(name).is_some(),
+            ValueKind::Text(_) => self.has("string", name),
+            _ => false,
         }
     }
 
