@@ -157,7 +157,10 @@ fn a_page_without_a_token_is_refused_in_words_that_fit_a_service() {
     let folder = tempfile::tempdir().unwrap();
     let config = "service: { user: root }\nlive: { listen: 0.0.0.0:0 }\n";
     written(folder.path(), "spykee.yaml", config);
-    let output = run_in(folder.path(), &["serve", "--robot", "127.0.0.1:9"]);
+    let output = run_in(
+        folder.path(),
+        &["serve", "--config", "spykee.yaml", "--robot", "127.0.0.1:9"],
+    );
     assert_eq!(output.code, Some(2), "{}", output.err);
     let words = [
         "there is no token",

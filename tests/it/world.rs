@@ -104,7 +104,11 @@ fn worlds_are_listed_and_checked() {
     assert_contains(&run.err, &["bad.yaml:1:", "'depth'"]);
     assert!(!run.err.contains("name a world file"), "{}", run.err);
     let unnamed = folder.path().join("unnamed.yaml");
-    std::fs::write(&unnamed, "room: {width: 4, depth: 3}\n").unwrap();
+    std::fs::write(
+        &unnamed,
+        "room: {width: 4, depth: 3}\nstation: {at: [0, 1.5], heading_degrees: 0}\n",
+    )
+    .unwrap();
     let checked = command(&["sim", "check", unnamed.to_str().unwrap()]);
     assert_contains(&checked.out, &["unnamed.yaml: valid, without a name\n"]);
     let shown = command(&["sim", "show", "nowhere"]);

@@ -107,12 +107,11 @@ impl ErrorSite<'_> {
                 _ if opens => open.push((token, None)),
                 "(" | "[" | "{" => open.push((token, None)),
                 "end" | "until" => {
-                    let inner = open.iter().rposition(|one| !is_bracket(one));
-                    let is_crossed = inner.is_some_and(|block| block + 1 < open.len());
-                    if is_crossed && expects {
+                    let block = open.iter().rposition(|one| !is_bracket(one));
+                    let Some(block) = block.filter(|at| !expects || at + 1 == open.len()) else {
                         break;
-                    }
-                    open.truncate(inner.unwrap_or(open.len()));
+                    };
+                    open.truncate(block);
                     if let Some(outer) = open.last_mut() {
                         outer.1 = Some(at);
                     }
