@@ -12,11 +12,12 @@ use std::time::Duration;
 use jiff::civil::DateTime;
 use jiff::tz::{self, TimeZone, TimeZoneDatabase};
 use jiff::{SignedDuration, Timestamp, Zoned};
-use serde::de::{Error, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize};
 use tokio::time::{Instant, Interval, MissedTickBehavior, interval, sleep_until};
 
 pub use span::Span;
+
+use crate::yaml;
 
 /// An earlier date means that the computer's clock is not set: no version of this program is older.
 const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
@@ -62,6 +63,13 @@ impl Clock {
         });
         let time = virtually.unwrap_or_else(|| Timestamp::now().saturating_add(self.offset));
         time.unwrap_or(Timestamp::MAX)
+    }
+
+    /// Returns the time of day of a recent instant, according to the clock's current setting.
+    pub fn time_of(&self, instant: Instant) -> Timestamp {
+        let ago = SignedDuration::try_from(instant.elapsed()).unwrap_or_default();
+        let now = self.now();
+        now.checked_sub(ago).unwrap_or(now)
     }
 }
 
@@ -149,9 +157,11 @@ pub enum ClockError {
     Zone(String),
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
 pub struct Zone {
     name: String,
+    #[serde(skip)]
     rules: TimeZone,
 }
 
@@ -206,31 +216,13 @@ impl fmt::Display for Zone {
     }
 }
 
-impl Serialize for Zone {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        to.serialize_str(&self.name)
-    }
-}
-
 impl<'de> Deserialize<'de> for Zone {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Zone, D::Error> {
-        struct ZoneVisitor;
-        impl Visitor<'_> for ZoneVisitor {
-            type Value = Zone;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the name of a time zone, such as Europe/Rome")
-            }
-
-            fn visit_str<E: Error>(self, name: &str) -> Result<Zone, E> {
-                name.parse().map_err(|why: ClockError| {
-                    E::custom(format_args!(
-                        "{why}, expected one such as Europe/Rome or UTC"
-                    ))
-                })
-            }
-        }
-        from.deserialize_str(ZoneVisitor)
+        let expected = "the name of a time zone, such as Europe/Rome";
+        yaml::parsed_text(from, expected, |name| {
+            let zone = name.parse::<Zone>();
+            zone.map_err(|why| format!("{why}, expected one such as Europe/Rome or UTC"))
+        })
     }
 }
 

@@ -16,7 +16,7 @@ use serde_json::Value;
 use crate::clock::{Span, Zone};
 use crate::link::{self, Target};
 use crate::pilot::Settings;
-use crate::robot::{Streams, float_within};
+use crate::robot::Streams;
 use crate::script::{self, Calibration};
 use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
@@ -121,13 +121,13 @@ impl Default for Config {
 #[serde(deny_unknown_fields)]
 struct CameraKeys {
     /// Height of the lens above the floor, metres.
-    #[serde(default, deserialize_with = "lens_height")]
+    #[serde(default, deserialize_with = "range::lens_height")]
     height: Option<f64>,
     /// Degrees by which the camera looks up; negative down.
-    #[serde(default, deserialize_with = "pitch")]
+    #[serde(default, deserialize_with = "range::pitch")]
     pitch: Option<f64>,
     /// Degrees, positive when the horizon falls to the right in the picture.
-    #[serde(default, deserialize_with = "roll")]
+    #[serde(default, deserialize_with = "range::roll")]
     roll: Option<f64>,
     /// Another lens: its focal lengths along columns and rows, in pixels of a picture of 320x240.
     focal: Option<[FocalLength; 2]>,
@@ -138,45 +138,30 @@ struct CameraKeys {
     distortion: Option<Vec<f64>>,
     /// Another lens: its horizontal field of view without distortion, radians. Alone it means a
     /// lens without distortion.
-    #[serde(default, deserialize_with = "hfov")]
+    #[serde(default, deserialize_with = "range::hfov")]
     hfov: Option<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize, schemars::JsonSchema)]
-struct FocalLength(#[serde(deserialize_with = "focal")] f64);
+struct FocalLength(#[serde(deserialize_with = "range::focal")] f64);
 #[derive(Clone, Copy, Deserialize, schemars::JsonSchema)]
-struct CentrePixel(#[serde(deserialize_with = "centre")] f64);
+struct CentrePixel(#[serde(deserialize_with = "range::centre")] f64);
 
-fn lens_height<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    float_within(from, "a height from 0.05 to 1 metre", 0.05..=1.0).map(Some)
-}
-
-fn pitch<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    float_within(from, "an angle from -60 to 45 degrees", -60.0..=45.0).map(Some)
-}
-
-fn roll<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    float_within(from, "an angle from -45 to 45 degrees", -45.0..=45.0).map(Some)
-}
-
-fn focal<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    float_within(from, "a focal length from 50 to 5000 pixels", 50.0..=5000.0)
-}
-
-fn centre<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    float_within(from, "a place in a picture of 320x240", 0.0..=320.0)
-}
-
-fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0).map(Some)
+mod range {
+    crate::yaml::ranges! {
+        lens_height = 0.05..=1.0, "metres";
+        pitch = -60.0..=45.0, "degrees, up is positive";
+        roll = -45.0..=45.0, "degrees, positive when the horizon falls to the right";
+        focal = 50.0..=5000.0, "pixels of a picture of 320x240";
+        centre = 0.0..=320.0, "pixels of a picture of 320x240";
+        hfov = 0.1..=3.0, "radians";
+        distortion = -2.0..=2.0, "0 is no distortion";
+    }
 }
 
 fn distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<f64>>, D::Error> {
     #[derive(Deserialize)]
-    struct Factor(#[serde(deserialize_with = "factor")] f64);
-    fn factor<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-        float_within(from, "a factor of distortion from -2 to 2", -2.0..=2.0)
-    }
+    struct Factor(#[serde(deserialize_with = "range::distortion")] f64);
     let factors = <Vec<Factor>>::deserialize(from)?;
     match factors.len() {
         2 | 4 => Ok(Some(factors.into_iter().map(|factor| factor.0).collect())),
@@ -330,7 +315,7 @@ impl Config {
         }
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config =
-            serde_yaml::from_str(text).map_err(|error| invalid(to_message(&error.to_string())))?;
+            serde_yaml::from_str(text).map_err(|error| invalid(explain(&error)))?;
         config
             .watchdog
             .check()
@@ -353,31 +338,13 @@ impl Config {
     }
 }
 
-/// Rewrites the error for an unknown key to name its place and the nearest valid one; other errors
-/// as [`yaml::in_plain_words`] does.
-fn to_message(message: &str) -> String {
-    let parts = message
-        .split_once("unknown field `")
-        .and_then(|(before, rest)| {
-            let (key, rest) = rest.split_once("`, expected ")?;
-            Some((before, key, rest))
-        });
-    let Some((before, key, rest)) = parts else {
-        return yaml::in_plain_words(message);
-    };
-    let (valid, place) = match rest.rsplit_once(" at line ") {
-        Some((valid, place)) => (valid, format!(" at line {place}")),
-        // The parser leaves out the place at the very beginning of the text.
-        None => (rest, " at line 1 column 1".to_owned()),
-    };
-    let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
-    let near = script::suggestion(key, names.iter().copied());
-    let near = if near.is_empty() {
-        format!("; valid are {}", names.join(", "))
-    } else {
-        near
-    };
-    format!("{before}unknown key `{key}`{place}{near}")
+/// An error of the parser in plain words. It leaves out the place at the very beginning of a text.
+fn explain(error: &serde_yaml::Error) -> String {
+    let mut message = error.to_string();
+    if error.location().is_some() && !message.contains(" at line ") {
+        message += " at line 1 column 1";
+    }
+    yaml::in_plain_words(&message)
 }
 
 /// What a service does while no behaviour runs, and the user that runs it.

@@ -1,6 +1,6 @@
 //! HTTP for people and programs: a server with bounded resources on one address, and a check in
 //! front of everything it serves; programs of the same user have a private socket, which needs no
-//! check. Independent of the robot.
+//! check. Also the client that asks other programs. Independent of the robot.
 //!
 //! The check of the origin answers three questions about each request before anything else sees it.
 //! Is it meant for us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who
@@ -62,6 +62,18 @@ impl Options {
     pub fn address(&self) -> SocketAddr {
         self.listen.unwrap_or(LISTEN)
     }
+}
+
+/// Returns a client that asks one other program, for at most this long.
+pub fn agent(limit: Duration) -> ureq::Agent {
+    ureq::Agent::config_builder()
+        .timeout_global(Some(limit))
+        .http_status_as_error(false)
+        // Another host is not to get the header fields, which may hold secrets.
+        .max_redirects(0)
+        .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
+        .build()
+        .into()
 }
 
 /// Timeout for a request's head, and its maximum length in bytes.

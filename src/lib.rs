@@ -97,7 +97,7 @@
 //! | 0 | `vision` | a crate of its own: JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 0 | `sandbox` | the kernel's confinement of processes that handle people's scripts |
 //! | 0 | `files` | a crate of its own: regular files of bounded length, folders without links |
-//! | 0 | `yaml` | a crate of its own: refuses texts that nest too deeply; errors with positions, in plain words |
+//! | 0 | `yaml` | a crate of its own: refuses texts that nest too deeply; numbers in ranges; errors with positions, in plain words, and "did you mean" |
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `rate_limit` | token buckets, bytes per day, growing pauses, lines that are logged once a minute |
 //! | 0 | `side_thread` | threads for work that waits for a disk, a network or another program |

@@ -19,7 +19,7 @@ pub use event::{
 };
 pub use frame::{Detection, Detections, Frame, Pictures, Streams, Use, ViewerChannel};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
-pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
+pub use quantity::{Percent, Seconds, TrackPower};
 use serde::{Deserialize, Serialize};
 pub use stop_confirmation::{STOP_HOLDS, StopConfirmation, StopKept, StopOutcome};
 

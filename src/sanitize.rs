@@ -4,6 +4,8 @@
 
 use std::fmt::Write as _;
 
+use serde_json::Value;
+
 /// Sanitises text for a terminal or for a file that replaces it. Keeps line breaks and tabs and,
 /// with `colour`, the sequences that set colours; other escape sequences lose their escape
 /// character and thus their effect.
@@ -40,6 +42,28 @@ pub fn xml(xml: &str) -> String {
         }
     }
     cleaned
+}
+
+/// A JSON value for people: a text without its quotes.
+pub fn json_text(value: &Value) -> String {
+    let text = value.as_str().map(str::to_owned);
+    text.unwrap_or_else(|| value.to_string())
+}
+
+/// The same JSON with each of its texts changed, but not the names of fields.
+pub fn with_texts(json: Value, change: &impl Fn(&str) -> String) -> Value {
+    match json {
+        Value::String(text) => change(&text).into(),
+        Value::Array(list) => list
+            .into_iter()
+            .map(|one| with_texts(one, change))
+            .collect(),
+        Value::Object(fields) => fields
+            .into_iter()
+            .map(|(name, value)| (name, with_texts(value, change)))
+            .collect(),
+        other => other,
+    }
 }
 
 /// Formats a value after `name=` in a text log: unchanged if it is one plain word, otherwise in

@@ -1,9 +1,10 @@
 //! Threads beside the driving core, for work that waits for a disk, a network or another program.
 
 use std::io;
-use std::sync::{Mutex, PoisonError, mpsc};
+use std::sync::mpsc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::runtime::Builder;
 use tokio_util::sync::CancellationToken;
 
@@ -49,7 +50,7 @@ impl SideThread {
     /// Asks the thread to end, and waits for that at most this long. Returns whether it has ended.
     pub fn finish(&self, limit: Duration) -> bool {
         self.stop.cancel();
-        let ended = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
+        let ended = self.ended.lock();
         ended.recv_timeout(limit) == Err(mpsc::RecvTimeoutError::Disconnected)
     }
 }

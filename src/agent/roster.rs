@@ -15,7 +15,8 @@ use super::Behaviour;
 use crate::robot::{
     BehaviourId, DeclaredParams, Detections, ParamChange, ParamValue, Priority, ViewerChannel,
 };
-use crate::script::{ScriptExit, suggestion};
+use crate::script::ScriptExit;
+use crate::yaml::suggestion;
 
 /// The most queued commands; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;

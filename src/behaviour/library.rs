@@ -5,10 +5,13 @@
 use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+
+use parking_lot::Mutex;
 
 use crate::files::{Folder, ReadError};
-use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, NoModule, suggestion};
+use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, NoModule};
+use crate::yaml::suggestion;
 
 const ENDINGS: [&str; 2] = [".lua", ".luau"];
 
@@ -35,7 +38,7 @@ impl Library {
 
     /// Returns every file read so far.
     pub fn files(&self) -> Vec<PathBuf> {
-        let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let files = self.files.lock();
         files.iter().cloned().collect()
     }
 
@@ -64,7 +67,7 @@ impl Library {
         let (file, source) = read(&folder, last).map_err(refused)?;
         path.push(&file);
         let file = path.join("/");
-        let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut files = self.files.lock();
         files.insert(root.join(&file));
         Ok(ModuleFile { file, source })
     }

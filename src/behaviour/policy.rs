@@ -13,7 +13,8 @@ use serde::{Deserialize, Deserializer};
 use tokio::time::Instant;
 
 use crate::rate_limit::Backoff;
-use crate::robot::{EndReason, Seconds, whole_within};
+use crate::robot::{EndReason, Seconds};
+use crate::yaml::whole_within;
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum RestartPolicy {
@@ -115,8 +116,7 @@ struct Table {
 }
 
 fn restarts<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u32>, D::Error> {
-    let count = whole_within(from, "a whole number from 0 to 1000", 0..=1000)?;
-    u32::try_from(count).map(Some).map_err(Error::custom)
+    whole_within(from, "a whole number from 0 to 1000", 0..=1000).map(Some)
 }
 
 /// What to do with a behaviour that has ended.

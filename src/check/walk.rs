@@ -11,7 +11,7 @@ use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
 use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use crate::api::{self, Function};
-use crate::script::suggestion;
+use crate::yaml::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,

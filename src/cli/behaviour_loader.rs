@@ -14,7 +14,8 @@ use crate::agent::{Behaviour, BehaviourSpec, RosterError};
 use crate::behaviour::{self, Launch, Library, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
-use crate::script::{self, GivenParam, ParamOrigin, ParamValue, suggestion};
+use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
+use crate::yaml::suggestion;
 
 /// A watched behaviour file and the channel for its reloads.
 pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Vec<u8>>);

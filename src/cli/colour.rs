@@ -10,8 +10,8 @@ use super::settings::CommandSettings;
 use super::{Console, Exit, Failure};
 use crate::config::Config;
 use crate::files;
-use crate::script::suggestion;
 use crate::vision::{Colour, FrameError, MAX_COLOURS, MAX_JPEG_LEN, Roi, Size};
+use crate::yaml::suggestion;
 
 /// Messages cut longer names to this many characters.
 const MAX_SHOWN: usize = 40;

@@ -14,6 +14,7 @@ use super::usable::check_config;
 use super::{Console, Exit, Failure, argument, notify, print, print_json};
 use crate::clock::{self, Clock, Date, Zone};
 use crate::config::{self, Config, Setting};
+use crate::sanitize;
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
 #[derive(Debug, Clone, Subcommand)]
@@ -84,8 +85,7 @@ fn line(setting: &Setting, origin: bool) -> String {
     let value = serde_json::to_value(&setting.value).unwrap_or(Json::Null);
     let value = match value {
         Json::Null => "-".to_owned(),
-        Json::String(text) => text,
-        other => other.to_string(),
+        value => sanitize::json_text(&value),
     };
     if origin {
         format!("{:<34} {value:<16} {}\n", setting.key, setting.origin)

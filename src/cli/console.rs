@@ -2,13 +2,14 @@
 //! a paused terminal, or a pipe without a reader, can stall only this thread.
 
 use std::io::{self, IsTerminal, Write};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use parking_lot::Mutex;
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
 
@@ -138,11 +139,7 @@ impl Console {
         if !self.features.redraw {
             return;
         }
-        *self
-            .shared
-            .status
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner) = Some(text.into());
+        *self.shared.status.lock() = Some(text.into());
         // If the queue is full, the next message that is processed redraws it.
         let _ = self.messages.try_send(ConsoleMessage::Status);
     }
@@ -265,12 +262,7 @@ impl<W: Write> ConsoleWriter<W> {
     }
 
     fn redraw(&mut self) {
-        let newest = self
-            .shared
-            .status
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .take();
+        let newest = self.shared.status.lock().take();
         if let Some(text) = newest {
             let drawn = self.screen.status(&text, (self.columns)());
             self.put(drawn);
@@ -308,14 +300,14 @@ pub(super) struct Collected(Arc<Mutex<Vec<u8>>>);
 
 impl Collected {
     pub(super) fn into_text(self) -> String {
-        let bytes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let bytes = self.0.lock();
         String::from_utf8_lossy(&bytes).into_owned()
     }
 }
 
 impl Write for Collected {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut collected = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut collected = self.0.lock();
         collected.extend_from_slice(bytes);
         Ok(bytes.len())
     }
@@ -475,16 +467,16 @@ mod tests {
         }
 
         fn text(&self) -> String {
-            String::from_utf8(self.written.lock().unwrap().clone()).unwrap()
+            String::from_utf8(self.written.lock().clone()).unwrap()
         }
     }
 
     impl Write for TestOutput {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             if let Some(gate) = &self.gate {
-                let _ = gate.lock().unwrap().recv();
+                let _ = gate.lock().recv();
             }
-            self.written.lock().unwrap().extend_from_slice(bytes);
+            self.written.lock().extend_from_slice(bytes);
             Ok(bytes.len())
         }
 

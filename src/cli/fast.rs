@@ -6,9 +6,10 @@ use std::convert::Infallible;
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use tokio::sync::{oneshot, watch};
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
@@ -217,7 +218,7 @@ impl EventFile {
     fn recorder(&self) -> Recorder {
         let file = self.file.clone();
         Recorder::new(move |event| {
-            let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut file = file.lock();
             if let Ok(writer) = &mut *file {
                 let written = serde_json::to_writer(&mut *writer, &event)
                     .map_err(io::Error::from)
@@ -230,7 +231,7 @@ impl EventFile {
     }
 
     fn finish(self) -> Result<(), Failure> {
-        let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut file = self.file.lock();
         let error = match &mut *file {
             Ok(writer) => writer.flush().err().map(|error| error.to_string()),
             Err(error) => Some(error.to_string()),

@@ -14,6 +14,7 @@ use super::table::{aligned, csv_cell};
 use super::{Exit, Failure, print, print_json};
 use crate::clock;
 use crate::journal::{self, JournalReader, Record};
+use crate::sanitize::json_text;
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
@@ -376,11 +377,9 @@ fn fields(one: &Record) -> String {
     let Some(Value::Object(fields)) = one.data.get("data") else {
         return String::new();
     };
-    let field = |(name, value): (&String, &Value)| match value {
-        Value::String(text) => format!("{name}={text}"),
-        value => format!("{name}={value}"),
-    };
-    fields.iter().map(field).collect::<Vec<_>>().join(" ")
+    let fields = fields.iter();
+    let fields = fields.map(|(name, value)| format!("{name}={}", json_text(value)));
+    fields.collect::<Vec<_>>().join(" ")
 }
 
 fn time(at: Timestamp, zone: &TimeZone) -> String {

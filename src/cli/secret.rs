@@ -8,8 +8,8 @@ use std::os::unix::ffi::{OsStrExt as _, OsStringExt};
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
 
+use parking_lot::Mutex;
 use rustix::fs::{FileType, Mode, OFlags, fstat};
 use rustix::io::{FdFlags, fcntl_setfd, ioctl_fionbio};
 
@@ -43,7 +43,7 @@ pub(super) fn remove_from_environment() {
 }
 
 fn store(password: Vec<u8>) {
-    *PASSWORD.lock().unwrap_or_else(PoisonError::into_inner) = Some(password);
+    *PASSWORD.lock() = Some(password);
 }
 
 /// The reading end of a pipe that holds the password; it stays open across `exec`.
@@ -89,10 +89,7 @@ fn read_pipe(number: &OsStr) -> Option<Vec<u8>> {
 }
 
 pub(super) fn from_environment() -> Result<Option<String>, Failure> {
-    let given = PASSWORD
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .clone();
+    let given = PASSWORD.lock().clone();
     let given = given.or_else(|| std::env::var_os(PASSWORD_VARIABLE).map(OsStringExt::into_vec));
     let text = given.map(String::from_utf8).transpose();
     text.map_err(|_| Failure::usage(format_args!("{PASSWORD_VARIABLE} is not UTF-8")))

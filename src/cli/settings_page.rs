@@ -6,6 +6,7 @@ use serde_json::{Map, Value as Json};
 
 use crate::api::Page;
 use crate::config;
+use crate::sanitize::json_text;
 
 const BEGINNING: &str = "# All settings\n\n\
     Every key of a config, from the schema that `spykee config schema` prints for editors. All \
@@ -148,7 +149,7 @@ impl Schema {
             });
             let names: Vec<String> = names
                 .filter(|name| !name.is_null())
-                .map(|name| format!("`{}`", plain(name)))
+                .map(|name| format!("`{}`", json_text(name)))
                 .collect();
             return names.join(", ");
         }
@@ -192,13 +193,6 @@ fn shown(default: &Json) -> String {
         Json::Null => String::new(),
         Json::Array(list) if list.is_empty() => String::new(),
         Json::Object(map) if map.is_empty() => String::new(),
-        other => format!("`{}`", plain(other)),
-    }
-}
-
-fn plain(value: &Json) -> String {
-    match value {
-        Json::String(text) => text.clone(),
-        other => other.to_string(),
+        other => format!("`{}`", json_text(other)),
     }
 }

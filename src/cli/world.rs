@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use super::{Exit, Failure, argument, print};
 use crate::link::Target;
-use crate::script::suggestion;
 use crate::side_thread::SideThread;
 use crate::sim::{Handle, Options, Server, World};
+use crate::yaml::suggestion;
 
 #[derive(Debug, Clone, clap::Subcommand)]
 pub(super) enum WorldAction {

@@ -6,7 +6,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::link::{host_of, is_host_name};
-use crate::robot::whole_within;
 use crate::yaml;
 
 const HOST_EXPECTED: &str =
@@ -52,17 +51,11 @@ impl Mqtt {
 }
 
 fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    struct Host(String);
-    impl<'de> Deserialize<'de> for Host {
-        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
-            yaml::parsed_text(from, HOST_EXPECTED, |text| {
-                let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
-                let host = host_of(text).map(|host| Host(host.to_owned()));
-                host.ok_or_else(wrong)
-            })
-        }
-    }
-    Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))
+    let host = yaml::text(HOST_EXPECTED, |text| {
+        let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
+        host_of(text).map(str::to_owned).ok_or_else(wrong)
+    });
+    yaml::optional(from, host)
 }
 
 /// What to write instead of a text that is not a host.
@@ -88,14 +81,7 @@ fn host_advice(text: &str) -> String {
 }
 
 fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
-    #[derive(Deserialize)]
-    struct Port(#[serde(deserialize_with = "number")] u16);
-    fn number<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
-        let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
-        // Cannot fail: the number is within the range.
-        Ok(u16::try_from(number).unwrap_or(u16::MAX))
-    }
-    Ok(Option::<Port>::deserialize(from)?.map(|Port(number)| number))
+    yaml::optional(from, yaml::whole("a port from 1 to 65535", 1..=65_535))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ use super::response::RunResponse;
 use super::run_status::RunStatus;
 use crate::config::ServiceUrl;
 use crate::robot::StopOutcome;
-use crate::{guardian, sanitize};
+use crate::{guardian, http, sanitize};
 
 /// Maximum length of an answer, in bytes: that of a picture.
 pub(super) const MAX_ANSWER: usize = 4 << 20;
@@ -234,7 +234,8 @@ pub(super) fn parse_answer(status: StatusCode, body: Vec<u8>) -> Result<RunRespo
         return Ok(RunResponse::Picture { jpeg: body });
     }
     let fields: Value = serde_json::from_slice(&body).unwrap_or_default();
-    let fields = sanitized(fields);
+    // Without what a terminal would obey.
+    let fields = sanitize::with_texts(fields, &sanitize::line);
     if fields.get("answer").is_some() {
         let strange = |error| io::Error::other(format!("invalid reply: {error}"));
         return Ok(serde_json::from_value(fields).map_err(strange)?);
@@ -245,19 +246,6 @@ pub(super) fn parse_answer(status: StatusCode, body: Vec<u8>) -> Result<RunRespo
             Err(AskError::Denied(why.chars().take(SHOWN).collect()))
         }
         _ => Err(AskError::UnexpectedStatus(status.as_u16())),
-    }
-}
-
-/// The texts without what a terminal would obey.
-fn sanitized(value: Value) -> Value {
-    match value {
-        Value::String(text) => sanitize::line(&text).into(),
-        Value::Array(list) => list.into_iter().map(sanitized).collect(),
-        Value::Object(fields) => fields
-            .into_iter()
-            .map(|(name, value)| (name, sanitized(value)))
-            .collect(),
-        other => other,
     }
 }
 
@@ -328,19 +316,12 @@ impl Remote {
                 .headers_mut()
                 .insert("authorization", token.clone());
         }
-        let agent: ureq::Agent = ureq::Agent::config_builder()
-            .timeout_global(Some(limit))
-            .http_status_as_error(false)
-            .max_redirects(0)
-            .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
-            .build()
-            .into();
         let failed = |error: ureq::Error| match error {
             ureq::Error::Timeout(_) => AskError::TimedOut(limit),
             ureq::Error::Io(error) => AskError::Io(error),
             other => AskError::Io(io::Error::other(other)),
         };
-        let mut answer = agent.run(http_request).map_err(failed)?;
+        let mut answer = http::agent(limit).run(http_request).map_err(failed)?;
         let status = answer.status();
         let body = answer.body_mut().with_config().limit(MAX_ANSWER as u64);
         let body = body.read_to_vec().map_err(failed)?;

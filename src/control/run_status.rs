@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::link::Delays;
-use crate::pilot::Status;
+use crate::pilot::{LinkState, Status};
 use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, EndReason, Priority, RobotInfo, StopConfirmation, WatchdogState};
 use crate::safety::DockState;
@@ -27,12 +27,10 @@ pub struct RunStatus {
     pub state: String,
     /// Where the robot is, in words.
     pub place: String,
-    /// The link: `connecting`, `up`, `lost` or `released`.
-    pub link: String,
-    /// The watchdog: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
-    pub safety: String,
-    /// The robot's dock state: `charging`, `contact`, `off` or `unknown`.
-    pub dock_state: String,
+    pub link: LinkState,
+    /// The watchdog's state.
+    pub safety: WatchdogState,
+    pub dock_state: DockState,
     /// Whether the robot is on its station, as far as is known.
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
@@ -145,25 +143,5 @@ pub fn describe(status: &Status) -> String {
         (Some(stopped), Some(words)) => format!("{stopped}; {words}"),
         (Some(words), None) | (None, Some(words)) => words.to_owned(),
         (None, None) => status.safety.to_string(),
-    }
-}
-
-pub(super) fn safety(state: WatchdogState) -> &'static str {
-    match state {
-        WatchdogState::Offline => "offline",
-        WatchdogState::Free => "free",
-        WatchdogState::Docked => "docked",
-        WatchdogState::Docking => "docking",
-        WatchdogState::LowGoingHome => "going_home",
-        WatchdogState::Alarm => "alarm",
-    }
-}
-
-pub(super) fn dock_state(dock_state: DockState) -> &'static str {
-    match dock_state {
-        DockState::Charging => "charging",
-        DockState::ContactReported => "contact",
-        DockState::Left => "off",
-        DockState::Unknown => "unknown",
     }
 }

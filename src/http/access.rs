@@ -3,7 +3,7 @@
 
 use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Json;
@@ -11,6 +11,7 @@ use axum::extract::FromRequestParts;
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
+use parking_lot::Mutex;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -71,7 +72,7 @@ impl Access {
             .visitor(Some(token))
             .filter(|visitor| visitor.key.is_some());
         if visitor.is_none() {
-            let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut wrong = self.wrong.lock();
             if let Some(before) = wrong.record((), Instant::now()) {
                 let count = before + 1;
                 tracing::warn!(%from, "{count} requests with a wrong token");

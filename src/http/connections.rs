@@ -5,9 +5,10 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use parking_lot::Mutex;
 use tokio_util::sync::CancellationToken;
 
 use super::access::Visitor;
@@ -42,15 +43,11 @@ pub(super) struct Connections {
 }
 
 impl Connections {
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<u64, Connection>> {
-        self.open.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Adds a connection; closes one if there are too many then.
     fn enter(&self, connection: Connection) -> u64 {
         let id = self.next.fetch_add(1, Ordering::Relaxed);
         let lane = connection.lane;
-        let mut open = self.lock();
+        let mut open = self.open.lock();
         open.insert(id, connection);
         let rivals = || open.iter().filter(|(_, one)| one.lane == lane);
         let count = |owner: &str| rivals().filter(|(_, one)| one.owner == *owner).count();
@@ -121,6 +118,7 @@ impl Place {
 
     fn leave(&self) {
         self.connections
+            .open
             .lock()
             .remove(&self.id.load(Ordering::Relaxed));
     }
@@ -163,9 +161,9 @@ mod tests {
             .map(|last| Place::new(&all, address(last)))
             .collect();
         assert!(!many[197].closed.is_cancelled());
-        assert_eq!(all.lock().len(), MAX_IN_LANE);
+        assert_eq!(all.open.lock().len(), MAX_IN_LANE);
         drop((crowd, other, many));
-        assert_eq!(all.lock().len(), 0);
+        assert_eq!(all.open.lock().len(), 0);
     }
 
     #[test]
@@ -199,7 +197,7 @@ mod tests {
                 }
                 prop_assert!(kind == 0 || !place.closed.is_cancelled());
                 places.push(place);
-                prop_assert!(all.lock().len() <= 3 * MAX_IN_LANE);
+                prop_assert!(all.open.lock().len() <= 3 * MAX_IN_LANE);
             }
         }
     }

@@ -14,7 +14,7 @@ use rusqlite::ErrorCode;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::robot::whole_within;
+use crate::yaml::whole_within;
 
 pub use database::{folder, journal_file};
 pub use history::{JournalReader, LevelRange, Record, Span};

@@ -4,7 +4,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use jiff::{SignedDuration, Timestamp};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -82,13 +81,6 @@ impl Recorder {
         }
     }
 
-    /// Returns the time of day of a recent instant, according to the clock's current setting.
-    fn wall_time(&self, at: Instant) -> Timestamp {
-        let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
-        let now = self.clock.now();
-        now.checked_sub(ago).unwrap_or(now)
-    }
-
     /// Runs until `stop` is cancelled or the bus is closed; then writes the waiting rows and ends.
     pub(super) async fn run(mut self, mut listener: Listener, stop: CancellationToken) {
         let mut next_cleanup = Instant::now();
@@ -97,45 +89,35 @@ impl Recorder {
             let samples = self.pending.samples_at();
             tokio::select! {
                 biased;
-                () = stop.cancelled() => break,
                 () = until(due) => self.write(),
                 () = until(samples) => self.sample(),
                 () = sleep_until(next_cleanup), if self.database.is_some() => {
                     self.delete_old();
                     next_cleanup = Instant::now() + CLEANUP_INTERVAL;
                 }
-                message = listener.next() => {
-                    if !self.handle_event(message) {
-                        break;
-                    }
+                message = listener.next_until(&stop) => match message {
+                    Some(message) => self.handle_event(message),
+                    None => break,
                 }
-            }
-        }
-        while let Some(message) = listener.try_next() {
-            if !self.handle_event(message) {
-                break;
             }
         }
         self.end();
     }
 
-    fn handle_event(&mut self, message: BusMessage) -> bool {
+    fn handle_event(&mut self, message: BusMessage) {
         let now = Instant::now();
         match message {
             BusMessage::Event(one) => {
-                let at = self.wall_time(one.at).as_millisecond();
+                let at = self.clock.time_of(one.at).as_millisecond();
                 self.pending.add_event(&one.what, at, now);
             }
             BusMessage::Missed(count) => self.pending.add_lost(count, now),
-            BusMessage::Closed => return false,
         }
-        true
     }
 
     fn sample(&mut self) {
         let now = Instant::now();
-        self.pending
-            .sample(self.wall_time(now).as_millisecond(), now);
+        self.pending.sample(self.clock.now().as_millisecond(), now);
     }
 
     fn write(&mut self) {

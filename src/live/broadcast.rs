@@ -3,11 +3,12 @@
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::Utf8Bytes;
+use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::sync::{Semaphore, broadcast, watch};
@@ -110,7 +111,8 @@ pub(super) struct Broadcast {
     pub(super) map: watch::Sender<Utf8Bytes>,
     pub(super) behaviours: watch::Sender<Utf8Bytes>,
     pub(super) history: Mutex<BatteryHistory>,
-    viewers: Mutex<ViewerList>,
+    /// To be locked only for short lookups.
+    pub(super) viewers: Mutex<ViewerList>,
     robot: watch::Sender<Option<RobotInfo>>,
     /// Whether the pilot responds.
     alive: AtomicBool,
@@ -151,17 +153,12 @@ impl Broadcast {
         })
     }
 
-    /// Locks the viewers; only for short lookups.
-    pub(super) fn lock_viewers(&self) -> MutexGuard<'_, ViewerList> {
-        self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Whenever STOP holds, also one of an earlier program, holds the tracks and takes the drive
     /// lock from the viewer that drives.
     async fn hold_tracks(&self) {
         let mut stopped = self.run.emergency_stop.watch();
         while stopped.wait_for(|stopped| *stopped).await.is_ok() {
-            self.lock_viewers().driver = None;
+            self.viewers.lock().driver = None;
             hold_tracks(self.run.clone(), stopped.clone()).await;
             // It may have ended early, with the run.
             let _ = stopped.wait_for(|stopped| !stopped).await;
@@ -226,8 +223,8 @@ impl Broadcast {
                 }
             });
         }
-        loop {
-            match bus.next().await {
+        while let Some(message) = bus.next().await {
+            match message {
                 BusMessage::Event(event) => {
                     self.metrics.count(&event.what);
                     if let AgentEvent::LinkUp { robot, .. } = &event.what {
@@ -237,7 +234,6 @@ impl Broadcast {
                 BusMessage::Missed(missed) => {
                     tracing::debug!("the page has missed {missed} events")
                 }
-                BusMessage::Closed => return,
             }
         }
     }
@@ -250,7 +246,7 @@ impl Broadcast {
             let now = self.now();
             let state = self.state(&mut rate, now);
             if let Some(battery) = self.run.status.borrow().battery {
-                let mut history = self.history.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut history = self.history.lock();
                 history.record(battery, now);
             }
             publish(&self.state, &ToPage::State(&state));
@@ -313,7 +309,7 @@ impl Broadcast {
             behaviours: self.running_behaviours(),
         };
         let frames = self.run.status.borrow().frames;
-        let viewers = self.lock_viewers();
+        let viewers = self.viewers.lock();
         State {
             run: self.run.run_status(running, now),
             fps: rate.count(frames, now),

@@ -315,7 +315,6 @@ impl Writer {
 
     fn battery(&self) -> Utf8Bytes {
         let history = self.broadcast.history.lock();
-        let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
         text(&ToPage::Battery {
             points: history.points(self.broadcast.now()),
         })

@@ -3,10 +3,11 @@
 //! counted.
 
 use std::collections::VecDeque;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::sync::{broadcast, mpsc};
@@ -179,7 +180,7 @@ impl LogBuffer {
     }
 
     fn write(&self, line: Line) {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.kept.lock();
         if kept.len() == KEPT {
             kept.pop_front();
         }
@@ -190,7 +191,7 @@ impl LogBuffer {
     }
 
     pub(super) fn read(&self) -> (Vec<Line>, broadcast::Receiver<Line>) {
-        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = self.kept.lock();
         (kept.iter().cloned().collect(), self.news.subscribe())
     }
 }

@@ -117,9 +117,11 @@ impl BrokerClient {
                 }
                 Some(read) = self.alarms.join_next() => self.show_alarm(read.ok().flatten()),
                 message = self.listener.next() => match message {
-                    BusMessage::Event(one) => self.handle_event(&one.what),
-                    BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
-                    BusMessage::Closed => break,
+                    Some(BusMessage::Event(one)) => self.handle_event(&one.what),
+                    Some(BusMessage::Missed(missed)) => {
+                        warn!(missed, "events were dropped, not sent");
+                    }
+                    None => break,
                 },
                 Ok(()) = status.changed() => self.schedule_publish(),
                 Ok(()) = statuses.changed() => self.schedule_publish(),

@@ -154,7 +154,7 @@ impl Report {
             "low": status.low,
             "emergency_stop": status.emergency_stop,
             "stop_confirmation": status.stop,
-            "link": status.link.name(),
+            "link": status.link,
             "watchdog": status.safety.to_string(),
             "dock_state": status.dock_state.to_string(),
             "problem": reason.is_some(),

@@ -6,7 +6,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use jiff::{SignedDuration, Timestamp};
 use tokio::sync::Notify;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -18,7 +17,7 @@ use super::options::Options;
 use super::queue::Queue;
 use super::rules::Rules;
 use super::sender::{BrokerPublisher, Sender};
-use crate::clock::{Zone, until};
+use crate::clock::{Clock, Zone, until};
 use crate::rate_limit::TokenBucket;
 use crate::robot::{Bus, BusMessage, Listener};
 use crate::side_thread::SideThread;
@@ -115,26 +114,20 @@ impl Dispatcher {
         loop {
             tokio::select! {
                 biased;
-                () = stop.cancelled() => break,
                 () = until(self.rules.deadline()) => {
                     let now = Instant::now();
                     let notice = self.rules.poll(now);
                     self.enqueue(notice, now);
                 }
-                message = listener.next() => if !self.handle_event(&message) {
-                    break;
+                message = listener.next_until(&stop) => match message {
+                    Some(message) => self.handle_event(&message),
+                    None => break,
                 }
-            }
-        }
-        while let Some(message) = listener.try_next() {
-            if !self.handle_event(&message) {
-                break;
             }
         }
     }
 
-    /// Handles an event. Returns false if the bus is closed.
-    fn handle_event(&mut self, message: &BusMessage) -> bool {
+    fn handle_event(&mut self, message: &BusMessage) {
         match message {
             BusMessage::Event(one) => {
                 let notice = self.rules.handle_event(&one.what, Instant::now());
@@ -143,18 +136,14 @@ impl Dispatcher {
             BusMessage::Missed(missed) => {
                 warn!(missed, "events were lost before a rule could see them")
             }
-            BusMessage::Closed => return false,
         }
-        true
     }
 
     fn enqueue(&mut self, notice: Option<Notice>, at: Instant) {
         let Some(notice) = notice else {
             return;
         };
-        let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
-        let now = Timestamp::now();
-        let notice = notice.at(now.checked_sub(ago).unwrap_or(now), &self.zone);
+        let notice = notice.at(Clock::default().time_of(at), &self.zone);
         for queue in &mut self.queues {
             queue.accept(&notice);
         }

@@ -39,17 +39,11 @@ impl Queue {
     }
 
     /// Adds a message. Returns how many old messages were deleted to make room.
-    pub(super) fn add(&self, notice: &Notice) -> io::Result<u64> {
+    pub(super) fn add(&self, notice: &Notice) -> io::Result<usize> {
         let names = self.names()?;
         let last = names.last().and_then(|name| number(name)).unwrap_or(0);
-        let mut gone = 0;
-        for name in names
-            .iter()
-            .take((names.len() + 1).saturating_sub(MAX_QUEUED))
-        {
-            self.remove(name);
-            gone += 1;
-        }
+        let gone = (names.len() + 1).saturating_sub(MAX_QUEUED);
+        names.iter().take(gone).for_each(|name| self.remove(name));
         let text = serde_json::to_vec(notice).map_err(io::Error::other)?;
         let name = format!("{:016}.json", last + 1);
         self.folder.replace_durably(&name, &text)?;
@@ -152,7 +146,7 @@ mod tests {
     fn it_is_bounded_and_old_or_invalid_messages_are_deleted() {
         let data = tempfile::tempdir().unwrap();
         let queue = Queue::open(data.path(), "phone").unwrap();
-        let gone: u64 = (0..MAX_QUEUED as i64 + 7)
+        let gone: usize = (0..MAX_QUEUED as i64 + 7)
             .map(|at| queue.add(&notice("x", at)).unwrap())
             .sum();
         assert_eq!((gone, queue.len()), (7, MAX_QUEUED));

@@ -8,6 +8,7 @@ use tokio::time::Instant;
 
 use super::{Notice, Rule};
 use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, RobotInfo, STOP_HOLDS, SafetyAction};
+use crate::sanitize::json_text;
 
 /// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
@@ -222,11 +223,9 @@ fn fields(data: &Value) -> String {
     let Some(map) = data.as_object().filter(|map| !map.is_empty()) else {
         return String::new();
     };
-    let field = |(name, value): (&String, &Value)| match value {
-        Value::String(text) => format!("{name} {text}"),
-        value => format!("{name} {value}"),
-    };
-    let fields: Vec<String> = map.iter().map(field).collect();
+    let fields = map.iter();
+    let fields = fields.map(|(name, value)| format!("{name} {}", json_text(value)));
+    let fields: Vec<String> = fields.collect();
     format!(" ({})", fields.join(", "))
 }
 

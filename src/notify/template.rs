@@ -6,6 +6,7 @@ use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
 use serde_json::Value;
 
 use super::Notice;
+use crate::sanitize;
 
 const NAMES: &[&str] = &[
     "text", "title", "event", "robot", "time", "picture", "token",
@@ -16,8 +17,6 @@ const RESERVED: &AsciiSet = &NON_ALPHANUMERIC
     .remove(b'.')
     .remove(b'_')
     .remove(b'~');
-/// Maximum nesting depth of a JSON value that is searched for texts.
-const DEEPEST: u32 = 16;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slot {
@@ -62,35 +61,18 @@ pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) ->
 }
 
 pub(super) fn fill_json(template: &Value, notice: &Notice, token: &str) -> Value {
-    match template {
-        Value::String(text) => Value::String(fill(text, notice, token, Slot::Plain)),
-        Value::Array(list) => {
-            let filled = list.iter().map(|one| fill_json(one, notice, token));
-            Value::Array(filled.collect())
-        }
-        Value::Object(map) => {
-            let filled = map.iter();
-            let filled = filled.map(|(key, one)| (key.clone(), fill_json(one, notice, token)));
-            Value::Object(filled.collect())
-        }
-        other => other.clone(),
-    }
+    sanitize::with_texts(template.clone(), &|text| {
+        fill(text, notice, token, Slot::Plain)
+    })
 }
 
 pub(super) fn texts<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
-    fn walk<'a>(value: &'a Value, found: &mut Vec<&'a str>, depth: u32) {
-        match value {
-            Value::String(text) => found.push(text),
-            Value::Array(list) if depth > 0 => {
-                list.iter().for_each(|one| walk(one, found, depth - 1));
-            }
-            Value::Object(map) if depth > 0 => {
-                map.values().for_each(|one| walk(one, found, depth - 1));
-            }
-            _ => {}
-        }
+    match value {
+        Value::String(text) => found.push(text),
+        Value::Array(list) => list.iter().for_each(|one| texts(one, found)),
+        Value::Object(map) => map.values().for_each(|one| texts(one, found)),
+        _ => {}
     }
-    walk(value, found, DEEPEST);
 }
 
 /// Splits a template into literal text (`Ok`) and names in braces (`Err`). Braces without a valid

@@ -9,6 +9,8 @@ use super::options::{PictureMode, Target};
 use super::sender::DELIVERY_TIMEOUT;
 use super::template::{Slot, fill, fill_json};
 use super::{Delivery, Notice};
+use crate::http;
+use crate::sanitize::json_text;
 
 /// Sends the request and waits for the response. Errors do not contain the address, which may
 /// include a secret.
@@ -53,15 +55,7 @@ pub fn request(
 }
 
 fn ask(request: Request<Vec<u8>>) -> Delivery {
-    let agent: ureq::Agent = ureq::Agent::config_builder()
-        .timeout_global(Some(DELIVERY_TIMEOUT))
-        .http_status_as_error(false)
-        // Another host is not to get the header fields, which may hold secrets.
-        .max_redirects(0)
-        .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
-        .build()
-        .into();
-    match agent.run(request) {
+    match http::agent(DELIVERY_TIMEOUT).run(request) {
         Ok(answer) => delivery_of(answer.status().as_u16()),
         Err(error) => failed(&error),
     }
@@ -146,12 +140,8 @@ fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String
     let Some(Value::Object(map)) = json else {
         return vec![("body".to_owned(), text())];
     };
-    let plain = |value: Value| match value {
-        Value::String(text) => text,
-        value => value.to_string(),
-    };
     map.into_iter()
-        .map(|(key, value)| (key, plain(value)))
+        .map(|(key, value)| (key, json_text(&value)))
         .collect()
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 use tracing::info;
 
@@ -11,7 +13,8 @@ use crate::safety::{DockState, WatchdogState};
 use crate::wire::{Command, Led, Sound};
 
 /// The state of the link.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum LinkState {
     /// The first attempt is under way.
     #[default]
@@ -24,16 +27,6 @@ pub enum LinkState {
 }
 
 impl LinkState {
-    /// The name that pages and brokers receive.
-    pub fn name(self) -> &'static str {
-        match self {
-            LinkState::Connecting => "connecting",
-            LinkState::Up => "up",
-            LinkState::Lost => "lost",
-            LinkState::Released => "released",
-        }
-    }
-
     /// A description for people, unless the link is up: then the watchdog's state says more.
     pub fn absence(self) -> Option<&'static str> {
         match self {

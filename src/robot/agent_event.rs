@@ -4,14 +4,16 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio::sync::broadcast;
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
 use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
 
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WatchdogState {
     #[default]
@@ -22,6 +24,7 @@ pub enum WatchdogState {
     /// A behaviour sends the robot home.
     Docking,
     /// Low battery: on its way home, or waiting for the next attempt.
+    #[serde(rename = "going_home")]
     LowGoingHome,
     /// Low battery and docking has failed: sounds the alarm, and tries again.
     Alarm,
@@ -218,27 +221,32 @@ pub enum BusMessage {
     Event(Arc<TimedEvent>),
     /// The listener was too slow: this many events are lost.
     Missed(u64),
-    /// All publishers are gone.
-    Closed,
 }
 
 impl Listener {
-    /// Waits for the next event. Cancel-safe.
-    pub async fn next(&mut self) -> BusMessage {
+    /// Waits for the next event; `None` once all publishers are gone. Cancel-safe.
+    pub async fn next(&mut self) -> Option<BusMessage> {
         match self.0.recv().await {
-            Ok(event) => BusMessage::Event(event),
-            Err(broadcast::error::RecvError::Lagged(missed)) => BusMessage::Missed(missed),
-            Err(broadcast::error::RecvError::Closed) => BusMessage::Closed,
+            Ok(event) => Some(BusMessage::Event(event)),
+            Err(broadcast::error::RecvError::Lagged(missed)) => Some(BusMessage::Missed(missed)),
+            Err(broadcast::error::RecvError::Closed) => None,
         }
     }
 
-    /// The next event, if there is one already; [`BusMessage::Closed`] on every call at the end.
+    /// Like [`Listener::next`], but once `stop` is cancelled only what has already been published.
+    pub async fn next_until(&mut self, stop: &CancellationToken) -> Option<BusMessage> {
+        match stop.run_until_cancelled(self.next()).await {
+            Some(next) => next,
+            None => self.try_next(),
+        }
+    }
+
+    /// The next event, if there is one already.
     pub fn try_next(&mut self) -> Option<BusMessage> {
         match self.0.try_recv() {
             Ok(event) => Some(BusMessage::Event(event)),
             Err(broadcast::error::TryRecvError::Lagged(missed)) => Some(BusMessage::Missed(missed)),
-            Err(broadcast::error::TryRecvError::Closed) => Some(BusMessage::Closed),
-            Err(broadcast::error::TryRecvError::Empty) => None,
+            Err(_) => None,
         }
     }
 }
@@ -359,27 +367,30 @@ mod tests {
         let bus = Bus::default();
         let mut slow = bus.subscribe();
         (0..MAX_WAITING + 3).for_each(|number| bus.publish(lost(&number.to_string())));
-        assert_eq!(slow.next().await, BusMessage::Missed(3));
-        let BusMessage::Event(first) = slow.next().await else {
+        assert_eq!(slow.next().await, Some(BusMessage::Missed(3)));
+        let Some(BusMessage::Event(first)) = slow.next().await else {
             panic!("nothing is left");
         };
         assert_eq!(first.what, lost("3"));
         drop(bus);
-        while let Some(message) = slow.try_next() {
-            if message == BusMessage::Closed {
-                return;
-            }
-        }
-        panic!("the end was not received");
+        while slow.try_next().is_some() {}
+        assert_eq!(slow.next().await, None);
     }
 
     #[tokio::test]
-    async fn earlier_events_are_not_received() {
+    async fn earlier_events_are_not_received_and_later_ones_before_a_stop_are() {
         let bus = Bus::default();
         bus.publish(lost("before"));
         let mut late = bus.subscribe();
         assert_eq!(late.try_next(), None);
         bus.publish(lost("after"));
-        assert!(matches!(late.next().await, BusMessage::Event(one) if one.what == lost("after")));
+        bus.publish(lost("last"));
+        let stop = CancellationToken::new();
+        stop.cancel();
+        for reason in ["after", "last"] {
+            let next = late.next_until(&stop).await;
+            assert!(matches!(next, Some(BusMessage::Event(one)) if one.what == lost(reason)));
+        }
+        assert_eq!(late.next_until(&stop).await, None);
     }
 }

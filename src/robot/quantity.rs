@@ -2,11 +2,11 @@
 //! names line and column of the wrong value.
 
 use std::fmt;
-use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::yaml;
 
 /// A whole percentage, 0..=100.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, schemars::JsonSchema)]
@@ -101,98 +101,25 @@ impl Seconds {
     }
 }
 
-/// Reads any number and checks it with `make` while the deserializer still knows its position.
-struct Number<F> {
-    expected: &'static str,
-    make: F,
-}
-
-impl<T, F: Fn(f64) -> Option<T>> Visitor<'_> for Number<F> {
-    type Value = T;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.expected)
-    }
-
-    fn visit_f64<E: Error>(self, number: f64) -> Result<T, E> {
-        (self.make)(number).ok_or_else(|| E::invalid_value(Unexpected::Float(number), &self))
-    }
-
-    fn visit_i64<E: Error>(self, number: i64) -> Result<T, E> {
-        let made = (self.make)(number as f64);
-        made.ok_or_else(|| E::invalid_value(Unexpected::Signed(number), &self))
-    }
-
-    fn visit_u64<E: Error>(self, number: u64) -> Result<T, E> {
-        let made = (self.make)(number as f64);
-        made.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(number), &self))
-    }
-}
-
-/// For `deserialize_with`: a number within a range; the error has its position.
-///
-/// # Errors
-/// If the value is outside of the range, NaN, or not a number; `expected` describes the valid ones.
-pub fn float_within<'de, D: Deserializer<'de>>(
-    deserializer: D,
-    expected: &'static str,
-    range: RangeInclusive<f64>,
-) -> Result<f64, D::Error> {
-    let make = |number| range.contains(&number).then_some(number);
-    deserializer.deserialize_f64(Number { expected, make })
-}
-
-/// For `deserialize_with`: a whole number within a range; the error has its position.
-///
-/// # Errors
-/// If the value is outside of the range, has a fraction, or is not a number; `expected` describes
-/// the valid ones.
-pub fn whole_within<'de, D: Deserializer<'de>>(
-    deserializer: D,
-    expected: &'static str,
-    range: RangeInclusive<u64>,
-) -> Result<u64, D::Error> {
-    let low = *range.start() as f64;
-    let high = *range.end() as f64;
-    let make = |number| whole(number, low, high, |number| Some(number as u64));
-    deserializer.deserialize_u64(Number { expected, make })
-}
-
-fn whole<T>(number: f64, low: f64, high: f64, make: impl Fn(f64) -> Option<T>) -> Option<T> {
-    if number.fract() == 0.0 && (low..=high).contains(&number) {
-        make(number)
-    } else {
-        None
-    }
-}
-
 impl<'de> Deserialize<'de> for Percent {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Percent, D::Error> {
-        let make = |number| whole(number, 0.0, 100.0, |n| Percent::new(n as u8));
-        deserializer.deserialize_u8(Number {
-            expected: "a whole number from 0 to 100 (percent)",
-            make,
-        })
+        let percent = yaml::whole("a whole number from 0 to 100 (percent)", 0..=100);
+        deserializer.deserialize_u8(percent).map(Percent)
     }
 }
 
 impl<'de> Deserialize<'de> for TrackPower {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrackPower, D::Error> {
-        let make = |number| whole(number, -90.0, 90.0, |n| TrackPower::new(n as i8));
-        deserializer.deserialize_i8(Number {
-            expected: "a whole number from -90 to 90",
-            make,
-        })
+        let is_valid = |number: &f64| number.fract() == 0.0 && (-90.0..=90.0).contains(number);
+        let make = |number| Some(number).filter(is_valid).map(|n| TrackPower(n as i8));
+        deserializer.deserialize_i8(yaml::number("a whole number from -90 to 90", make))
     }
 }
 
 impl<'de> Deserialize<'de> for Seconds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Seconds, D::Error> {
         let expected = "a number of seconds from 0.05 to 86400";
-        deserializer.deserialize_f64(Number {
-            expected,
-            make: Seconds::new,
-        })
+        deserializer.deserialize_f64(yaml::number(expected, Seconds::new))
     }
 }
 

@@ -14,15 +14,20 @@
 use std::fmt;
 use std::time::Duration;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
 /// Where the robot is. The module's table lists what each state allows.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum DockState {
     /// On the station and charging.
     Charging,
     /// On the station, by its own report, and not charging.
+    #[serde(rename = "contact")]
     ContactReported,
+    #[serde(rename = "off")]
     Left,
     /// On the station or off it.
     #[default]

@@ -1,8 +1,9 @@
 //! The events of a scenario so far, for queries by its script and for failure reports.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
+use parking_lot::Mutex;
 use serde_json::{Value, json};
 
 use super::CallError;
@@ -47,22 +48,18 @@ pub(super) struct Ended {
 impl RunRecord {
     pub(super) fn recorder(&self) -> Recorder {
         let record = self.clone();
-        Recorder::new(move |event| record.state().record(&event))
-    }
-
-    fn state(&self) -> MutexGuard<'_, RecordState> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        Recorder::new(move |event| record.0.lock().record(&event))
     }
 
     /// Forgets earlier endings, when new behaviours start.
     pub(super) fn begin(&self) {
-        self.state().endings.clear();
+        self.0.lock().endings.clear();
     }
 
     /// Returns the reason of the last ending of a behaviour; without a name, of any behaviour
     /// except the rescue behaviour, which starts and ends automatically.
     pub(super) fn ended(&self, behaviour: Option<&str>) -> Option<String> {
-        let state = self.state();
+        let state = self.0.lock();
         let is_meant = |ended: &&Ended| {
             behaviour.map_or(ended.behaviour != RESCUE_NAME, |name| {
                 ended.behaviour == name
@@ -73,12 +70,12 @@ impl RunRecord {
     }
 
     pub(super) fn failed(&self) -> Option<Ended> {
-        self.state().failed.clone()
+        self.0.lock().failed.clone()
     }
 
     /// Returns the behaviours' log lines that contain this text.
     pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
-        let state = self.state();
+        let state = self.0.lock();
         if state.missed > 0 {
             return Err(CallError::LinesMissed(MAX_LINES));
         }
@@ -91,7 +88,7 @@ impl RunRecord {
     }
 
     pub(super) fn recent(&self) -> Vec<String> {
-        self.state().recent.iter().cloned().collect()
+        self.0.lock().recent.iter().cloned().collect()
     }
 }
 
@@ -166,12 +163,12 @@ mod tests {
             fields: BTreeMap::new(),
         };
         for _ in 0..MAX_LINES {
-            record.state().record(&event);
+            record.0.lock().record(&event);
         }
         let lines = record.lines("alarm").unwrap();
         assert_eq!(lines.as_array().unwrap().len(), MAX_LINES);
         event.text = "one more".to_owned();
-        record.state().record(&event);
+        record.0.lock().record(&event);
         let error = record.lines("alarm").unwrap_err();
         assert!(
             matches!(error, CallError::LinesMissed(MAX_LINES)),

@@ -17,9 +17,9 @@ use crate::check;
 use crate::robot::EndReason;
 use crate::script::{
     self, FromHost, NoModule, ScenarioApi, ScenarioCall, ScenarioCallResult, Script, ScriptExit,
-    suggestion,
 };
 use crate::sim::World;
+use crate::yaml::suggestion;
 
 const MAX_SCENARIOS: usize = 1000;
 /// CPU budget of a scenario's own script between waits. It can be long, because this script does

@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
 
-use super::failure::{printable, suggestion};
+use super::failure::printable;
 use crate::api::{Bounds, Choice, Function, Literal, Requirement, Type, Value};
 use crate::wire::{Sound, Stream};
+use crate::yaml::suggestion;
 
 /// Why a native function refuses a call.
 #[derive(Debug)]

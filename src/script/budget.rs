@@ -14,11 +14,12 @@
 
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use rustix::time::{ClockId, clock_gettime};
 
 use super::failure::SourceLocation;
@@ -67,9 +68,9 @@ pub(crate) fn stuck(file: &str) -> String {
 
 /// The files of the scripts that are running a slice now, on all threads.
 pub(crate) fn running() -> Vec<String> {
-    let slots = Watcher::get().slots().all.clone();
+    let slots = Watcher::get().slots.lock().all.clone();
     let running = slots.iter().filter(|slot| slot.is_running());
-    running.map(|slot| slot.script().clone()).collect()
+    running.map(|slot| slot.script.lock().clone()).collect()
 }
 
 /// Holds a thread's slot; returns it when the thread ends.
@@ -78,7 +79,7 @@ struct SlotGuard(&'static Slot);
 impl Drop for SlotGuard {
     fn drop(&mut self) {
         self.0.check_at.store(0, Ordering::Release);
-        Watcher::get().slots().free.push(self.0);
+        Watcher::get().slots.lock().free.push(self.0);
     }
 }
 
@@ -157,7 +158,7 @@ pub(super) struct SliceCost {
 pub(super) fn begin(limit: Duration, script: &str) {
     let slot = SLOT_GUARD.with(|guard| guard.0);
     {
-        let mut last = slot.script();
+        let mut last = slot.script.lock();
         if *last != script {
             script.clone_into(&mut last);
         }
@@ -291,10 +292,6 @@ impl Slot {
     pub(super) fn is_running(&self) -> bool {
         self.check_at.load(Ordering::Acquire) != 0
     }
-
-    pub(super) fn script(&self) -> MutexGuard<'_, String> {
-        self.script.lock().unwrap_or_else(PoisonError::into_inner)
-    }
 }
 
 /// The thread that checks all slots, and what it knows.
@@ -350,7 +347,7 @@ impl Watcher {
             std::thread::park_timeout(pause);
             self.note_stall(due.elapsed(), pause);
             let now = self.nanoseconds(Instant::now());
-            let slots = self.slots().all.clone();
+            let slots = self.slots.lock().all.clone();
             for slot in &slots {
                 slot.check(now);
             }
@@ -358,7 +355,7 @@ impl Watcher {
                 let is_stuck =
                     |slot: &&&Slot| slot.unanswered.load(Ordering::Relaxed) == stuck.checks;
                 if let Some(slot) = slots.iter().find(is_stuck) {
-                    let script = slot.script().clone();
+                    let script = slot.script.lock().clone();
                     (stuck.report)(&script);
                 }
             }
@@ -398,12 +395,8 @@ impl Watcher {
         u64::try_from(since).unwrap_or(u64::MAX).max(1)
     }
 
-    pub(super) fn slots(&self) -> MutexGuard<'_, Slots> {
-        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(super) fn take_slot(&self) -> &'static Slot {
-        let mut slots = self.slots();
+        let mut slots = self.slots.lock();
         slots.free.pop().unwrap_or_else(|| {
             let slot: &'static Slot = Box::leak(Box::default());
             slots.all.push(slot);
@@ -487,7 +480,7 @@ mod tests {
     #[test]
     fn checks_without_an_answer_are_counted_until_the_vm_answers() {
         let slot = Slot::default();
-        slot.script().push_str("stuck.lua");
+        slot.script.lock().push_str("stuck.lua");
         let checks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.check(now));
         checks(100, 1);
         assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0, "nothing runs");

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use super::failure::{printable, suggestion};
+use super::failure::printable;
 use crate::robot::DeclaredParam;
+use crate::yaml::suggestion;
 
 pub use crate::robot::ParamValue;
 

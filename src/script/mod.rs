@@ -49,7 +49,7 @@ pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
 pub use declaration::{GivenParam, ParamOrigin, ParamValue};
 pub(crate) use declaration::{check_declaration, set_given};
 pub(crate) use failure::printable;
-pub use failure::{Explain, Failure, ScriptExit, SourceLocation, nearest, suggestion};
+pub use failure::{Explain, Failure, ScriptExit, SourceLocation};
 pub use frame_state::{AnnotatedFrame, LabelledBlob};
 pub use modules::{ModuleFile, ModuleName, NoModule, RESCUE};
 pub(crate) use modules::{Target, resolve};

@@ -4,8 +4,8 @@
 use mlua::prelude::LuaFunction;
 use serde::{Deserialize, Serialize};
 
-use super::failure::suggestion;
 use super::task::{ModuleId, TaskId};
+use crate::yaml::suggestion;
 
 const LONGEST: usize = 200;
 /// Largest number of modules of one script, whether they were found or not.

@@ -140,7 +140,7 @@ impl Limits {
 mod ranges {
     use serde::Deserializer;
 
-    use crate::robot::{float_within, whole_within};
+    use crate::yaml::whole_within;
 
     type Read<'de, T, D> = Result<T, <D as Deserializer<'de>>::Error>;
 
@@ -164,16 +164,10 @@ mod ranges {
         whole_within(from, "a whole number of bytes, 0 to 2^50", 0..=(1 << 50))
     }
 
-    pub(super) fn noise_dbfs<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
-        float_within(from, "a level from -100 to 0 dBFS", -100.0..=0.0)
-    }
-
-    pub(super) fn track_width<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
-        float_within(from, "0.02 to 2 metres", 0.02..=2.0)
-    }
-
-    pub(super) fn full_speed<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
-        float_within(from, "0.01 to 5 metres a second", 0.01..=5.0)
+    crate::yaml::ranges! {
+        noise_dbfs = -100.0..=0.0, "dBFS";
+        track_width = 0.02..=2.0, "metres";
+        full_speed = 0.01..=5.0, "metres a second";
     }
 }
 

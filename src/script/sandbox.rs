@@ -9,9 +9,10 @@ use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, Lua
 use mlua::state::{GcIncParams, GcMode};
 use mlua::{LuaOptions, StdLib};
 
-use super::failure::{Failure, PRELUDE, VmError, printable, suggestion};
+use super::failure::{Failure, PRELUDE, VmError, printable};
 use super::interrupt;
 use crate::api;
+use crate::yaml::suggestion;
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
 pub const MAX_SOURCE: usize = 256 * 1024;

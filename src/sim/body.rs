@@ -10,10 +10,11 @@ mod microphone;
 mod speaker;
 pub(crate) mod trace;
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use wire::{Command, Engage, EngineReport, Led, Power, Report, Sound, Stream};
 
 use self::battery::{Battery, PowerReports};
@@ -112,7 +113,7 @@ impl Robot {
 
     /// Returns a copy of the trace so far.
     pub fn trace(&self) -> Trace {
-        lock(&self.trace).clone()
+        self.trace.lock().clone()
     }
 
     /// Returns the world that it is in.
@@ -175,7 +176,9 @@ impl Robot {
         self.update_contacts();
         let places = self.environment.places();
         let balls = self.environment.world.balls.len();
-        lock(&self.trace).add_sample(self.time, self.chassis.pose, places, balls);
+        self.trace
+            .lock()
+            .add_sample(self.time, self.chassis.pose, places, balls);
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineReport::Charged);
@@ -204,7 +207,7 @@ impl Robot {
             speeds: self.chassis.speeds,
             blocked: self.chassis.blocked,
             collisions: self.chassis.collisions,
-            distance: lock(&self.trace).distance(),
+            distance: self.trace.lock().distance(),
             leds: self.leds,
             sound: self.speaker.playing(),
             volume: self.speaker.volume,
@@ -393,7 +396,7 @@ impl Robot {
 
     /// Adds an event to the trace, for the map of the run.
     pub fn mark(&self, kind: TraceEventKind) {
-        lock(&self.trace).add_event(kind);
+        self.trace.lock().add_event(kind);
     }
 
     fn note(&mut self, line: &str) {
@@ -502,10 +505,6 @@ impl Robot {
         let messages = self.memory.settings(self.speaker.volume);
         self.reports.extend(messages.map(Report::Config));
     }
-}
-
-fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
-    trace.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Which lights are on.

@@ -21,15 +21,7 @@ pub enum DocumentError {
         /// The path.
         name: String,
         /// Why.
-        source: std::io::Error,
-    },
-    /// The file is longer than any valid one.
-    #[error("{name} is longer than {} bytes: is it a {kind}?", yaml::MAX_LEN)]
-    TooLong {
-        /// What it should be, such as "world".
-        kind: &'static str,
-        /// The path.
-        name: String,
+        source: ReadError,
     },
     /// The YAML is not a valid document of the expected kind.
     #[error("{name}:{line}:{column}: {message}")]
@@ -76,15 +68,13 @@ pub(crate) fn load<T>(
     parse: impl FnOnce(&str, &str) -> Result<T, DocumentError>,
 ) -> Result<T, DocumentError> {
     let name = path.display().to_string();
-    match files::read_text(path, yaml::MAX_LEN) {
-        Ok(text) => parse(&text, &name),
-        Err(ReadError::TooLong { .. }) => Err(DocumentError::TooLong { kind, name }),
-        Err(error) => Err(DocumentError::Read {
-            kind,
-            name,
-            source: error.into(),
-        }),
-    }
+    let read = files::read_text(path, yaml::MAX_LEN);
+    let text = read.map_err(|source| DocumentError::Read {
+        kind,
+        name: name.clone(),
+        source,
+    })?;
+    parse(&text, &name)
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,24 +119,7 @@ fn explain(error: &serde_yaml::Error) -> String {
         let suffix = format!(" at line {} column {}", place.line(), place.column());
         text = text.replace(&suffix, "");
     }
-    match suggested_name(&text) {
-        Some(name) => format!("{text}; did you mean `{name}`?"),
-        None => yaml::in_plain_words(&text),
-    }
-}
-
-/// Returns the known name nearest to the unknown one. serde quotes the unknown name first, then the
-/// known ones.
-fn suggested_name(text: &str) -> Option<&str> {
-    if !text.contains("unknown ") {
-        return None;
-    }
-    let mut quoted = text.split('`').skip(1).step_by(2);
-    let found = quoted.next()?;
-    let near = quoted
-        .map(|name| (strsim::damerau_levenshtein(found, name), name))
-        .min()?;
-    if near.0 <= 2 { Some(near.1) } else { None }
+    yaml::in_plain_words(&text)
 }
 
 /// Follows a path and deliberately fails at its end, because the error contains the place.
@@ -194,78 +167,12 @@ impl<'de> Visitor<'de> for Walk<'_> {
 /// Range checks for numbers in the YAML of worlds, faults and firmware: applied during parsing, so
 /// that errors have line and column. NaN and infinities are always rejected.
 pub(crate) mod number {
-    use std::fmt;
-
-    use serde::Deserializer;
-    use serde::de::{Error, Unexpected, Visitor};
-
-    /// A range of numbers, with the unit for its error message.
-    #[derive(Clone, Copy)]
-    pub(crate) struct Range {
-        min: f64,
-        max: f64,
-        unit: &'static str,
-    }
-
-    /// A number of a range; an optional one may be `null`.
-    pub(crate) trait Ranged: Sized {
-        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<Self, D::Error>;
-    }
-
-    impl Ranged for f64 {
-        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<f64, D::Error> {
-            from.deserialize_f64(range)
-        }
-    }
-
-    impl Ranged for Option<f64> {
-        fn read<'de, D: Deserializer<'de>>(from: D, range: Range) -> Result<Self, D::Error> {
-            yaml::optional(from, range)
-        }
-    }
-
-    impl Visitor<'_> for Range {
-        type Value = f64;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            let Range { min, max, unit } = self;
-            write!(f, "a number from {min} to {max} ({unit})")
-        }
-
-        fn visit_f64<E: Error>(self, value: f64) -> Result<f64, E> {
-            if (self.min..=self.max).contains(&value) {
-                return Ok(value);
-            }
-            Err(E::invalid_value(Unexpected::Float(value), &self))
-        }
-
-        fn visit_i64<E: Error>(self, value: i64) -> Result<f64, E> {
-            self.visit_f64(value as f64)
-        }
-
-        fn visit_u64<E: Error>(self, value: u64) -> Result<f64, E> {
-            self.visit_f64(value as f64)
-        }
-    }
-
     /// The default of a share or a chance.
     pub(crate) fn one() -> f64 {
         1.0
     }
 
-    /// Declares one deserialize function per quantity.
-    macro_rules! ranges {
-        ($($(#[$doc:meta])* $name:ident = $min:literal..=$max:literal, $unit:literal;)+) => {$(
-            $(#[$doc])*
-            pub(crate) fn $name<'de, D: Deserializer<'de>, T: Ranged>(
-                from: D,
-            ) -> Result<T, D::Error> {
-                T::read(from, Range { min: $min, max: $max, unit: $unit })
-            }
-        )+};
-    }
-
-    ranges! {
+    yaml::ranges! {
         room_side = 1.0..=30.0, "metres";
         coordinate = 0.0..=30.0, "metres";
         /// Height of a thing.

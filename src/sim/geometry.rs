@@ -157,6 +157,15 @@ pub(crate) struct Rectangle {
 }
 
 impl Rectangle {
+    pub(crate) fn new(centre: Point, [length, width]: [f64; 2], heading: f64) -> Rectangle {
+        Rectangle {
+            centre,
+            length,
+            width,
+            heading,
+        }
+    }
+
     /// Returns the corners, counter-clockwise, the first one ahead on the right.
     pub(crate) fn corners(self) -> [Point; 4] {
         [(1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(forward, left)| {

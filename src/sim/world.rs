@@ -24,36 +24,18 @@ use crate::faults::FaultKind;
 use crate::geometry::obstacles::{Bump, Circle, Obstacles};
 use crate::geometry::{Point, Pose, Rectangle, Segment};
 
+/// The built-in worlds of files with these names.
+macro_rules! builtin {
+    ($($name:literal)*) => {
+        [$(($name, include_str!(concat!("../../behaviours/worlds/", $name, ".yaml"))),)*]
+    };
+}
+
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
-const BUILTIN: [(&str, &str); 9] = [
-    (
-        "living_room",
-        include_str!("../../behaviours/worlds/living_room.yaml"),
-    ),
-    (
-        "playpen",
-        include_str!("../../behaviours/worlds/playpen.yaml"),
-    ),
-    ("yard", include_str!("../../behaviours/worlds/yard.yaml")),
-    (
-        "line_loop",
-        include_str!("../../behaviours/worlds/line_loop.yaml"),
-    ),
-    (
-        "classroom",
-        include_str!("../../behaviours/worlds/classroom.yaml"),
-    ),
-    ("hall", include_str!("../../behaviours/worlds/hall.yaml")),
-    ("night", include_str!("../../behaviours/worlds/night.yaml")),
-    (
-        "gallery",
-        include_str!("../../behaviours/worlds/gallery.yaml"),
-    ),
-    (
-        "laboratory",
-        include_str!("../../behaviours/worlds/laboratory.yaml"),
-    ),
-];
+const BUILTIN: [(&str, &str); 9] = builtin! {
+    "living_room" "playpen" "yard" "line_loop" "classroom"
+    "hall" "night" "gallery" "laboratory"
+};
 
 /// By how much each wall between the robot and the access point shortens the range, metres.
 const WALL: f64 = 3.0;
@@ -385,11 +367,11 @@ mod tests {
         );
         let wrong = error("{}\n  leaves: sideways");
         assert!(
-            wrong.starts_with("w.yaml:6:11: ") && wrong.contains("`forward`"),
+            wrong.starts_with("w.yaml:6:11: ") && wrong.contains("forward"),
             "{wrong}"
         );
         let wrong = error("{ sees_obstacle: no }");
-        assert!(wrong.ends_with("did you mean `sees_obstacles`?"), "{wrong}");
+        assert!(wrong.ends_with("did you mean 'sees_obstacles'?"), "{wrong}");
     }
 
     #[test]
@@ -421,7 +403,7 @@ mod tests {
             ),
             (
                 "balls: [{at: [1, 1], colour: red, raduis: 0.1}]\n",
-                "did you mean `radius`?",
+                "did you mean 'radius'?",
             ),
             (
                 "balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n",
@@ -452,7 +434,7 @@ mod tests {
             ),
             (
                 "lines: [{trough: [[1, 1], [2, 1]], colour: red}]\n",
-                "did you mean `through`?",
+                "did you mean 'through'?",
             ),
             (
                 "walkers:\n  - {at: [1, 1], path: {through: [[1, 1], [1, 5]], speed: 1}}\n",
@@ -468,17 +450,17 @@ mod tests {
             ),
             (
                 "lamps: [{at: [1, 1], on: {from: 3}}]\n",
-                "unknown field `from`",
+                "unknown key `from`",
             ),
             (
                 "lamps: [{at: [1, 1], brightnes: 1}]\n",
-                "did you mean `brightness`?",
+                "did you mean 'brightness'?",
             ),
             (
                 "sounds: [{at: [1, 1], kind: knok}]\n",
-                "did you mean `knock`?",
+                "did you mean 'knock'?",
             ),
-            ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
+            ("camera: {subsampling: \"4:2:1\"}\n", "'4:2:0'"),
             (
                 "camera:\n  vignette: [0.5, 1, 0]\n",
                 "w.yaml:4:19: camera.vignette[1]: invalid value: floating point `1.0`, \
@@ -496,14 +478,14 @@ mod tests {
                 "tracks:\n  dead_zone: 95\n",
                 "w.yaml:4:14: tracks.dead_zone: invalid value: floating point `95.0`",
             ),
-            ("tracks: {response: {rugs: 1}}\n", "did you mean `rug`?"),
+            ("tracks: {response: {rugs: 1}}\n", "did you mean 'rug'?"),
             (
                 "tracks: {response: {empty: 0}}\n",
                 "expected a number from 0.1 to 1",
             ),
             (
                 "battery: {level: 50, power: volts}\n",
-                "`percent` or `voltage`",
+                "valid are percent, voltage",
             ),
             (
                 "rugs: [{at: [1, 1], width: 1, depth: 1, colour: red, height: 0.1}]\n",

@@ -3,9 +3,10 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 use tokio::time::Instant;
@@ -50,15 +51,13 @@ impl Recorder {
         let kept = Arc::new(Mutex::new(Vec::new()));
         let keep = kept.clone();
         let recorder = Recorder::new(move |event| {
-            keep.lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .push(event);
+            keep.lock().push(event);
         });
         (recorder, kept)
     }
 
     fn take(&self, event: Event) {
-        let mut take = self.take.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut take = self.take.lock();
         take(event);
     }
 }

@@ -3,9 +3,10 @@
 //! blocks the thread for a moment and then yields to all others, so that a user's STOP is processed
 //! even while the clock is paused.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::task::yield_now;
@@ -119,32 +120,27 @@ impl Default for SimClock {
 }
 
 impl SimClock {
-    /// Locks the state; hold the guard only briefly.
-    fn state(&self) -> MutexGuard<'_, ClockState> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub fn mode(&self) -> ClockMode {
-        self.state().mode
+        self.0.lock().mode
     }
 
     /// Pauses or resumes the clock.
     pub fn pause(&self, paused: bool) {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         state.mode.paused = paused;
         state.realign();
     }
 
     /// Sets the speed; a paused clock stays paused.
     pub fn set_time_scale(&self, factor: TimeScale) {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         state.mode.factor = factor;
         state.realign();
     }
 
     /// Runs the clock for 0.1 s of simulated time, then pauses it.
     pub fn step(&self) {
-        let mut state = self.state();
+        let mut state = self.0.lock();
         state.mode.paused = true;
         state.realign();
         state.allowed = state.now + STEP;
@@ -152,7 +148,7 @@ impl SimClock {
 
     /// Returns the simulated time since the start, as of the last comparison.
     pub fn now(&self) -> Duration {
-        self.state().now
+        self.0.lock().now
     }
 
     /// Controls the simulation's clock until `stop` is cancelled. After that there is no viewer,
@@ -161,7 +157,7 @@ impl SimClock {
         let wall = std::time::Instant::now();
         while !stop.is_cancelled() {
             let (wait, check_interval) = {
-                let mut state = self.state();
+                let mut state = self.0.lock();
                 (
                     state.wait(began.elapsed(), wall.elapsed()),
                     state.check_interval(),
@@ -188,34 +184,30 @@ mod tests {
         Duration::from_millis(number)
     }
 
-    fn state(sim_clock: &SimClock) -> MutexGuard<'_, ClockState> {
-        sim_clock.state()
-    }
-
     #[test]
     fn a_factor_of_ten_waits_a_tenth_and_a_late_clock_does_not_catch_up() {
         let sim_clock = SimClock::default();
         sim_clock.set_time_scale(TimeScale::new(10.0).unwrap());
-        assert_eq!(state(&sim_clock).wait(ms(0), ms(1000)), None);
-        assert_eq!(state(&sim_clock).wait(ms(100), ms(1000)), Some(ms(10)));
-        assert_eq!(state(&sim_clock).wait(ms(100), ms(1010)), None);
+        assert_eq!(sim_clock.0.lock().wait(ms(0), ms(1000)), None);
+        assert_eq!(sim_clock.0.lock().wait(ms(100), ms(1000)), Some(ms(10)));
+        assert_eq!(sim_clock.0.lock().wait(ms(100), ms(1010)), None);
         // One second late.
-        assert_eq!(state(&sim_clock).wait(ms(200), ms(2020)), None);
-        assert_eq!(state(&sim_clock).wait(ms(300), ms(2020)), Some(ms(10)));
+        assert_eq!(sim_clock.0.lock().wait(ms(200), ms(2020)), None);
+        assert_eq!(sim_clock.0.lock().wait(ms(300), ms(2020)), Some(ms(10)));
     }
 
     #[test]
     fn a_paused_clock_stops_and_a_step_is_a_tenth_of_a_second() {
         let sim_clock = SimClock::default();
         sim_clock.pause(true);
-        assert!(state(&sim_clock).wait(ms(0), ms(0)).is_some());
-        assert!(state(&sim_clock).wait(ms(0), ms(60_000)).is_some());
+        assert!(sim_clock.0.lock().wait(ms(0), ms(0)).is_some());
+        assert!(sim_clock.0.lock().wait(ms(0), ms(60_000)).is_some());
         sim_clock.step();
-        assert_eq!(state(&sim_clock).wait(ms(90), ms(60_000)), None);
-        assert!(state(&sim_clock).wait(ms(100), ms(60_000)).is_some());
+        assert_eq!(sim_clock.0.lock().wait(ms(90), ms(60_000)), None);
+        assert!(sim_clock.0.lock().wait(ms(100), ms(60_000)).is_some());
         sim_clock.pause(false);
-        assert_eq!(state(&sim_clock).wait(ms(100), ms(90_000)), None);
-        assert_eq!(state(&sim_clock).wait(ms(110), ms(90_000)), Some(ms(10)));
+        assert_eq!(sim_clock.0.lock().wait(ms(100), ms(90_000)), None);
+        assert_eq!(sim_clock.0.lock().wait(ms(110), ms(90_000)), Some(ms(10)));
     }
 
     #[test]

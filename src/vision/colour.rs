@@ -6,7 +6,7 @@ pub(crate) mod labeller;
 pub(crate) mod learn;
 pub(crate) mod palette;
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use thiserror::Error;
 
@@ -37,7 +37,8 @@ impl Span {
 }
 
 /// A set of colours that are treated as one when blobs are found.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(try_from = "Written")]
 pub enum Colour {
     /// Ranges in CIE Lab under D65.
     Lab {
@@ -283,14 +284,6 @@ impl TryFrom<Written> for Colour {
                 "a colour needs l, a, b or h, s, v or a name, not several of them".to_owned(),
             )),
         }
-    }
-}
-
-impl<'de> Deserialize<'de> for Colour {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Colour, D::Error> {
-        Written::deserialize(deserializer)?
-            .try_into()
-            .map_err(serde::de::Error::custom)
     }
 }
 

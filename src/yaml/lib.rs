@@ -5,8 +5,10 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
-use serde::de::{Deserializer, Error, Unexpected, Visitor};
+pub use serde::de::Deserializer;
+use serde::de::{Error, Unexpected, Visitor};
 
 /// Maximum length of a text, in bytes: more than a thousand lines. Nesting that the check below
 /// does not detect costs time proportional to the square of this.
@@ -40,6 +42,9 @@ pub fn examine(text: &str) -> Result<(), Refused> {
 
 /// Replaces the names of types in a parser's message, and adds what to do about an error of syntax.
 pub fn in_plain_words(message: &str) -> String {
+    if let Some(unknown) = unknown_name(message) {
+        return unknown;
+    }
     let address = "expected IP:PORT, such as 127.0.0.1:7788";
     let mut message = message
         .replace("invalid socket address syntax", address)
@@ -60,6 +65,43 @@ pub fn in_plain_words(message: &str) -> String {
         );
     }
     message
+}
+
+/// The message for a key or a word that no type knows, with the nearest valid one, or with all.
+fn unknown_name(message: &str) -> Option<String> {
+    let found = |kind| Some((kind, message.split_once(&format!("unknown {kind} `"))?));
+    let (kind, (before, rest)) = found("field").or_else(|| found("variant"))?;
+    let (name, rest) = rest.split_once("`, expected ")?;
+    let (valid, place) = rest.split_at(rest.rfind(" at line ").unwrap_or(rest.len()));
+    let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
+    let kind = if kind == "field" { "key" } else { "word" };
+    let near = match suggestion(name, names.iter().copied()) {
+        none if none.is_empty() => format!("; valid are {}", names.join(", ")),
+        near => near,
+    };
+    Some(format!("{before}unknown {kind} `{name}`{place}{near}"))
+}
+
+/// Returns `; did you mean 'x'?`, or an empty text if no name is near.
+pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(wrong, known).map_or_else(String::new, |name| format!("; did you mean '{name}'?"))
+}
+
+/// The nearest of `known`, if a person could have meant it: it may differ by one edit, or by one
+/// edit per three letters; letter case does not count.
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Known names are short, but a script can ask for a name of any length.
+    if wrong.chars().count() > 40 {
+        return None;
+    }
+    let lower = wrong.to_lowercase();
+    let most = (lower.chars().count() / 3).max(1);
+    known
+        .into_iter()
+        .map(|name| (strsim::osa_distance(&lower, &name.to_lowercase()), name))
+        .filter(|(distance, _)| *distance <= most)
+        .min()
+        .map(|(_, name)| name)
 }
 
 /// What a text must be that begins with the name of a type, and the rest of the text.
@@ -141,7 +183,7 @@ pub fn parsed_text<'de, D: Deserializer<'de>, T, W: fmt::Display>(
     expected: &str,
     parse: impl FnOnce(&str) -> Result<T, W>,
 ) -> Result<T, D::Error> {
-    from.deserialize_str(TextVisitor { expected, parse })
+    from.deserialize_str(text(expected, parse))
 }
 
 /// As [`parsed_text`], for a `parse` that gives no reason.
@@ -154,6 +196,14 @@ pub fn known_text<'de, D: Deserializer<'de>, T>(
         let found = Unexpected::Str(text);
         parse(text).ok_or_else(|| format!("invalid value: {found}, expected {expected}"))
     })
+}
+
+/// Makes a value of a text, or says what was expected.
+pub fn text<T, W: fmt::Display>(
+    expected: &str,
+    parse: impl FnOnce(&str) -> Result<T, W>,
+) -> impl for<'de> Visitor<'de, Value = T> {
+    TextVisitor { expected, parse }
 }
 
 /// Reads `null` as none, and anything else as the visitor does, which must know every form in
@@ -201,6 +251,121 @@ impl<T, W: fmt::Display, P: FnOnce(&str) -> Result<T, W>> Visitor<'_> for TextVi
 
     fn visit_str<E: Error>(self, text: &str) -> Result<T, E> {
         (self.parse)(text).map_err(E::custom)
+    }
+}
+
+/// A number of a document, which may also be one that it can leave out.
+pub trait Ranged: Sized {
+    /// Reads the number with this visitor.
+    fn read<'de, D: Deserializer<'de>>(
+        from: D,
+        number: impl Visitor<'de, Value = f64>,
+    ) -> Result<Self, D::Error>;
+}
+
+impl Ranged for f64 {
+    fn read<'de, D: Deserializer<'de>>(
+        from: D,
+        number: impl Visitor<'de, Value = f64>,
+    ) -> Result<f64, D::Error> {
+        from.deserialize_f64(number)
+    }
+}
+
+impl Ranged for Option<f64> {
+    fn read<'de, D: Deserializer<'de>>(
+        from: D,
+        number: impl Visitor<'de, Value = f64>,
+    ) -> Result<Self, D::Error> {
+        optional(from, number)
+    }
+}
+
+/// A table of numbers with their ranges and units; each row becomes a function for
+/// `deserialize_with`, whose error is placed at the number.
+#[macro_export]
+macro_rules! ranges {
+    ($($(#[$doc:meta])* $name:ident = $min:literal..=$max:literal, $unit:literal;)+) => {$(
+        $(#[$doc])*
+        pub(crate) fn $name<'de, D: $crate::Deserializer<'de>, T: $crate::Ranged>(
+            from: D,
+        ) -> Result<T, D::Error> {
+            let expected = format_args!("a number from {} to {} ({})", $min, $max, $unit);
+            T::read(from, $crate::float(expected, $min..=$max))
+        }
+    )+};
+}
+
+/// Reads a whole number in a range, which must be one of `T`'s.
+pub fn whole_within<'de, D: Deserializer<'de>, T: TryFrom<u64>>(
+    from: D,
+    expected: &str,
+    range: RangeInclusive<u64>,
+) -> Result<T, D::Error> {
+    from.deserialize_u64(whole(expected, range))
+}
+
+/// Makes a number of a range.
+pub fn float(
+    expected: impl fmt::Display,
+    range: RangeInclusive<f64>,
+) -> impl for<'de> Visitor<'de, Value = f64> {
+    number(expected, move |number| {
+        Some(number).filter(|number| range.contains(number))
+    })
+}
+
+/// Makes a whole number of a range, which must be one of `T`'s.
+pub fn whole<T: TryFrom<u64>>(
+    expected: impl fmt::Display,
+    range: RangeInclusive<u64>,
+) -> impl for<'de> Visitor<'de, Value = T> {
+    number(expected, move |number| {
+        let is_inside = number.fract() == 0.0 && number >= 0.0 && range.contains(&(number as u64));
+        if is_inside {
+            T::try_from(number as u64).ok()
+        } else {
+            None
+        }
+    })
+}
+
+/// Makes a value of a number, or says what was expected.
+pub fn number<T>(
+    expected: impl fmt::Display,
+    make: impl Fn(f64) -> Option<T>,
+) -> impl for<'de> Visitor<'de, Value = T> {
+    NumberVisitor { expected, make }
+}
+
+struct NumberVisitor<E, F> {
+    expected: E,
+    make: F,
+}
+
+impl<T, E: fmt::Display, F: Fn(f64) -> Option<T>> NumberVisitor<E, F> {
+    fn visit<R: Error>(&self, number: f64, found: Unexpected<'_>) -> Result<T, R> {
+        (self.make)(number).ok_or_else(|| R::invalid_value(found, self))
+    }
+}
+
+impl<T, E: fmt::Display, F: Fn(f64) -> Option<T>> Visitor<'_> for NumberVisitor<E, F> {
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.expected.fmt(f)
+    }
+
+    fn visit_f64<R: Error>(self, number: f64) -> Result<T, R> {
+        self.visit(number, Unexpected::Float(number))
+    }
+
+    fn visit_i64<R: Error>(self, number: i64) -> Result<T, R> {
+        self.visit(number as f64, Unexpected::Signed(number))
+    }
+
+    fn visit_u64<R: Error>(self, number: u64) -> Result<T, R> {
+        self.visit(number as f64, Unexpected::Unsigned(number))
     }
 }
 
@@ -281,5 +446,15 @@ mod tests {
             let _ = examine(&text);
             let _ = in_plain_words(&text);
         }
+    }
+
+    #[test]
+    fn near_names_are_suggested_and_far_ones_are_not() {
+        let known = ["move", "drive", "battery", "docked"];
+        assert_eq!(nearest("moev", known), Some("move"));
+        assert_eq!(nearest("Battery", known), Some("battery"));
+        assert_eq!(nearest("dockd", known), Some("docked"));
+        assert_eq!(nearest("fly", known), None);
+        assert_eq!(nearest(&"m".repeat(100_000), known), None);
     }
 }

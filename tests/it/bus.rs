@@ -15,7 +15,6 @@ fn all(listener: &mut Listener) -> Vec<AgentEvent> {
     std::iter::from_fn(|| match listener.try_next()? {
         BusMessage::Event(one) => Some(one.what.clone()),
         BusMessage::Missed(missed) => panic!("{missed} missed"),
-        BusMessage::Closed => None,
     })
     .collect()
 }

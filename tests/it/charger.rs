@@ -69,7 +69,7 @@ fn stays(seed: u64, charges: bool) -> Stay {
         let _ = run.outcome().await;
         stay
     });
-    let events = events.lock().unwrap();
+    let events = events.lock();
     let count = |text: &str| {
         events
             .iter()

@@ -158,7 +158,7 @@ async fn streams_have_origins_and_refuse_unknown_values() {
     rig.file("spykee.yaml", "streams: { video: sometimes }\n");
     let mut run = rig.spykee(&["config", "check"]);
     assert_eq!(run.code().await, Some(4));
-    assert_contains(&run.text(), &["`on`, `auto`, `off`"]);
+    assert_contains(&run.text(), &["valid are on, auto, off"]);
 }
 
 #[tokio::test]

@@ -55,7 +55,7 @@ fn options(seed: u64) -> (simulation::Options, impl FnOnce() -> Vec<Event>) {
         events: Some(recorder),
         ..simulation::Options::default()
     };
-    (options, move || events.lock().unwrap().clone())
+    (options, move || events.lock().clone())
 }
 
 /// The event log of half a virtual minute with two behaviours that compete for the tracks and use

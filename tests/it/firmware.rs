@@ -316,9 +316,9 @@ async fn an_unusable_firmware_is_reported_with_its_place() {
     ] {
         let mut run = rig.spykee(arguments);
         assert_eq!(run.code().await, Some(2), "{}", run.text());
-        let told = "f.yaml:2:1: unknown field `search_limt`";
+        let told = "f.yaml:2:1: unknown key `search_limt`";
         assert_contains(&run.text(), &[told]);
-        assert_contains(&run.text(), &["did you mean `search_limit`?"]);
+        assert_contains(&run.text(), &["did you mean 'search_limit'?"]);
     }
     let mut run = rig.spykee(&[
         "run",

@@ -61,7 +61,7 @@ fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str
         run.stop();
         home && run.outcome().await.is_ok()
     });
-    let events = events.lock().unwrap();
+    let events = events.lock();
     let done = events.iter().filter(|event| event.text.contains(does));
     (home.unwrap(), done.count())
 }

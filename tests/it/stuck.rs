@@ -29,7 +29,7 @@ fn play(world: &str, pose: Pose, source: &str, seed: u64) -> (Vec<String>, Pose)
         simulation.sim().state().pose
     });
     let is_line = |event: &&Event| event.kind == EventKind::Log;
-    let events = events.lock().unwrap();
+    let events = events.lock();
     (
         events
             .iter()

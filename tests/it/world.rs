@@ -98,7 +98,7 @@ fn worlds_are_listed_and_checked() {
     let checked = command(&["sim", "check", bad.to_str().unwrap()]);
     assert_eq!(checked.code, Some(4));
     let error = checked.err;
-    assert_contains(&error, &["bad.yaml:1:", "`depth`"]);
+    assert_contains(&error, &["bad.yaml:1:", "'depth'"]);
     let shown = command(&["sim", "show", "nowhere"]);
     assert_eq!(shown.code, Some(2));
     let error = shown.err;

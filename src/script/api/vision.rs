@@ -7,7 +7,7 @@ use mlua::UserDataMethods as _;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe};
-use super::super::failure::{printable, suggestion};
+use super::super::failure::printable;
 use super::super::frame_state::{HeldFrame, LabelledBlob};
 use super::frame::{self, blob_table, mark};
 use super::{Builder, Call, NativeResult, Natives, of_row};
@@ -15,6 +15,7 @@ use crate::vision::{
     Blob, BlobOptions, Colour, ColourError, Image, MAX_COLOURS, MotionDetector, MotionOptions,
     Track, Tracker, TrackerOptions, learn,
 };
+use crate::yaml::suggestion;
 
 pub(super) const NATIVES: &Natives = &[
     ("vision.lab", lab),

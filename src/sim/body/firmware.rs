@@ -191,7 +191,7 @@ mod tests {
             (
                 "power_lat: 3\n",
                 "f.yaml:1:1: ",
-                "did you mean `power_late`?",
+                "did you mean 'power_late'?",
             ),
             ("music: 3\npower_late: -1\n", "f.yaml:2:13: ", "0 to 86400"),
             (
@@ -205,12 +205,12 @@ mod tests {
             (
                 "move_while_searching: obey\n",
                 "f.yaml:1:",
-                "did you mean `obeyed`?",
+                "unknown word `obey`; valid are ends, ignored, obeyed",
             ),
             (
                 "power_while_charging: noise\n",
                 "f.yaml:1:",
-                "did you mean `noisy`?",
+                "did you mean 'noisy'?",
             ),
             ("- 3\n", "f.yaml:1:1: ", "expected keys with values"),
         ] {

@@ -293,12 +293,12 @@ mod tests {
             (
                 "faults:\n  - fault: dlay\n",
                 "f.yaml:2:",
-                "did you mean `delay`?",
+                "did you mean 'delay'?",
             ),
             (
                 "faults:\n  - fault: drop\n    afetr: 1\n",
                 "f.yaml:3:5: ",
-                "did you mean `after`?",
+                "did you mean 'after'?",
             ),
             (
                 "faults:\n  - fault: drop\n    after: -1\n",

@@ -3,11 +3,12 @@
 //! reads again.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::{Notify, OwnedSemaphorePermit, Semaphore, mpsc, watch};
 use tokio::time::{Instant, sleep_until};
@@ -218,7 +219,7 @@ impl ReportQueue {
     /// Queues a report. A frame replaces a queued frame. Returns false if the client does not read
     /// the reports that it requested.
     pub(crate) fn push(&self, report: &Report) -> bool {
-        let mut queue = self.lock();
+        let mut queue = self.queue.lock();
         match report {
             Report::Video(_) => queue.put_frame(report.to_bytes()),
             Report::Audio(_) => queue.put_audio(report.to_bytes()),
@@ -232,34 +233,30 @@ impl ReportQueue {
 
     /// Closes the connection after everything has been written.
     pub(crate) fn close(&self) {
-        self.lock().closing = true;
+        self.queue.lock().closing = true;
         self.changed.notify_one();
     }
 
     /// Whether AUTH_REPLY and the first POWER after it have been taken from the queue.
     pub(crate) fn opened(&self) -> bool {
-        self.lock().handshake == Handshake::Done
+        self.queue.lock().handshake == Handshake::Done
     }
 
     pub(crate) fn dropped(&self) -> u64 {
-        self.lock().dropped
+        self.queue.lock().dropped
     }
 
     /// Waits for the next message to write; `None` when the connection must be closed.
     pub(crate) async fn next(&self) -> Option<Bytes> {
         loop {
             let changed = self.changed.notified();
-            match self.lock().take() {
+            match self.queue.lock().take() {
                 (Some(message), _) => return Some(message),
                 (None, true) => return None,
                 (None, false) => {}
             }
             changed.await;
         }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

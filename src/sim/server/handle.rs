@@ -2,9 +2,10 @@
 //! bounded journal of executed commands.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::{mpsc, watch};
 use wire::{Command, Report};
 
@@ -42,6 +43,7 @@ pub struct Handle {
 pub(crate) struct Ends {
     pub(crate) muted: watch::Receiver<bool>,
     pub(crate) state: watch::Sender<State>,
+    /// Hold its guard only while reading or writing entries.
     pub(crate) journal: Arc<Mutex<Journal>>,
     pub(crate) heard: watch::Sender<usize>,
 }
@@ -71,11 +73,6 @@ pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Request>, Ends) {
     (handle, requests_end, ends)
 }
 
-/// Locks the journal; hold the guard only while reading or writing entries.
-pub(crate) fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
-    journal.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Handle {
     /// Returns the robot's state, at most one physics step old.
     pub fn state(&self) -> State {
@@ -100,12 +97,12 @@ impl Handle {
 
     /// Returns the executed commands, starting with this index.
     pub fn heard_since(&self, index: usize) -> Vec<ReceivedCommand> {
-        lock(&self.journal).since(index).cloned().collect()
+        self.journal.lock().since(index).cloned().collect()
     }
 
     /// Returns the number of commands executed so far, which is the index of the next one.
     pub fn heard_count(&self) -> usize {
-        lock(&self.journal).count()
+        self.journal.lock().count()
     }
 
     /// Waits for the first command from index `from` on that satisfies `wanted`, and returns its
@@ -114,7 +111,9 @@ impl Handle {
         let mut heard = self.heard.clone();
         loop {
             heard.mark_unchanged();
-            let found = lock(&self.journal)
+            let found = self
+                .journal
+                .lock()
                 .since(from)
                 .find(|h| wanted(&h.command))
                 .map(|h| h.index);
@@ -139,12 +138,12 @@ impl Handle {
 
     /// Reads the trace without copying it. The simulation is blocked meanwhile.
     pub fn look_back<T>(&self, look: impl FnOnce(&Trace) -> T) -> T {
-        look(&self.trace.lock().unwrap_or_else(PoisonError::into_inner))
+        look(&self.trace.lock())
     }
 
     /// Adds a note to the trace, at the robot's current time and place.
     pub fn note(&self, text: impl Into<String>) {
-        let mut trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut trace = self.trace.lock();
         trace.add_event(TraceEventKind::Note(text.into()));
     }
 

@@ -15,7 +15,7 @@ use wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 use super::connection::{Channels, Event, ReportQueue, Transport};
 use super::handle::{Ends, ReceivedCommand, Request};
-use super::{Options, connection, handle};
+use super::{Options, connection};
 use crate::body::Robot;
 use crate::body::firmware::Firmware;
 use crate::faults::proxy::Breaker;
@@ -350,7 +350,7 @@ impl RobotServer {
 
     fn record(&mut self, heard: ReceivedCommand) {
         self.log_command(heard.client, &heard.command);
-        handle::lock(&self.ends.journal).add(self.started.elapsed(), heard);
+        self.ends.journal.lock().add(self.started.elapsed(), heard);
     }
 
     /// Logs a command, except a repeated MOVE.
@@ -423,7 +423,7 @@ impl RobotServer {
         state.user = self.clients.user().map(str::to_owned);
         state.dropped = self.clients.dropped();
         self.ends.state.send_replace(state);
-        let count = handle::lock(&self.ends.journal).count();
+        let count = self.ends.journal.lock().count();
         self.ends
             .heard
             .send_if_modified(|heard| std::mem::replace(heard, count) != count);

@@ -5,7 +5,7 @@ use kurbo::{BezPath, ParamCurveNearest, Shape};
 use qrcode::QrCode;
 use serde::Deserialize;
 
-use super::objects::{Paint, Spot};
+use super::objects::{Paint, Spot, usual};
 use crate::document::number;
 use crate::geometry::Point;
 
@@ -16,7 +16,7 @@ pub struct Tape {
     /// Its corners, from end to end.
     pub through: Vec<Spot>,
     /// Width in metres.
-    #[serde(default = "tape_width", deserialize_with = "number::tape")]
+    #[serde(default = "usual::tape_width", deserialize_with = "number::tape")]
     pub width: f64,
     /// Colour of the tape.
     pub colour: Paint,
@@ -41,10 +41,10 @@ pub struct Lamp {
     #[serde(default = "number::one", deserialize_with = "number::share")]
     pub brightness: f64,
     /// Colour of its light.
-    #[serde(default = "white")]
+    #[serde(default = "usual::lamp_paint")]
     pub colour: Paint,
     /// Distance in metres at which its light has dropped to half.
-    #[serde(default = "lamp_reach", deserialize_with = "number::lamp_reach")]
+    #[serde(default = "usual::lamp_reach", deserialize_with = "number::lamp_reach")]
     pub reach: f64,
     /// When it is on; always if omitted.
     pub on: Option<Schedule>,
@@ -65,10 +65,13 @@ pub struct Sign {
     /// The text of the code, at most 100 bytes.
     pub text: String,
     /// Side of the board with its white margin, metres.
-    #[serde(default = "sign_side", deserialize_with = "number::sign_side")]
+    #[serde(default = "usual::sign_side", deserialize_with = "number::sign_side")]
     pub side: f64,
     /// Height of its centre above the floor, metres.
-    #[serde(default = "sign_height", deserialize_with = "number::sign_height")]
+    #[serde(
+        default = "usual::sign_height",
+        deserialize_with = "number::sign_height"
+    )]
     pub height: f64,
 }
 
@@ -85,10 +88,10 @@ pub struct Noise {
     #[serde(default)]
     pub kind: NoiseKind,
     /// Frequency of a tone, or 100 times the rate of knocks, hertz.
-    #[serde(default = "pitch", deserialize_with = "number::hertz")]
+    #[serde(default = "usual::hertz", deserialize_with = "number::hertz")]
     pub hertz: f64,
     /// Loudness at a distance of 1 m, 0..=1.
-    #[serde(default = "half", deserialize_with = "number::share")]
+    #[serde(default = "usual::loudness", deserialize_with = "number::share")]
     pub loudness: f64,
     /// When it sounds; always if omitted.
     pub on: Option<Schedule>,
@@ -207,34 +210,6 @@ impl Noise {
     pub(crate) fn sounds(&self, seconds: f64) -> bool {
         lit(self.on, self.off, seconds)
     }
-}
-
-fn tape_width() -> f64 {
-    0.03
-}
-
-fn half() -> f64 {
-    0.5
-}
-
-fn white() -> Paint {
-    Paint([255, 255, 255])
-}
-
-fn lamp_reach() -> f64 {
-    2.5
-}
-
-fn sign_side() -> f64 {
-    0.3
-}
-
-fn sign_height() -> f64 {
-    0.3
-}
-
-fn pitch() -> f64 {
-    880.0
 }
 
 /// A schedule, in simulated seconds since the start.

@@ -18,13 +18,13 @@ pub struct Room {
     #[serde(deserialize_with = "number::room_side")]
     pub depth: f64,
     /// Height of all walls, metres.
-    #[serde(default = "room_height", deserialize_with = "number::height")]
+    #[serde(default = "usual::room_height", deserialize_with = "number::height")]
     pub height: f64,
     /// Kind of floor.
     #[serde(default)]
     pub floor: Floor,
     /// Colour of the walls.
-    #[serde(default = "wall_paint")]
+    #[serde(default = "usual::wall_paint")]
     pub walls: Paint,
     /// What the walls have on them.
     #[serde(default)]
@@ -66,7 +66,10 @@ pub struct Wall {
     /// End of its centre line.
     pub to: Spot,
     /// Thickness in metres.
-    #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
+    #[serde(
+        default = "usual::wall_thickness",
+        deserialize_with = "number::thickness"
+    )]
     pub thickness: f64,
 }
 
@@ -126,7 +129,7 @@ pub struct Sill {
     #[serde(deserialize_with = "number::bump")]
     pub height: f64,
     /// Colour of the bar.
-    #[serde(default = "sill_paint")]
+    #[serde(default = "usual::sill_paint")]
     pub colour: Paint,
 }
 
@@ -137,7 +140,7 @@ pub struct Ball {
     /// The place where it touches the floor.
     pub at: Spot,
     /// Radius in metres.
-    #[serde(default = "ball_radius", deserialize_with = "number::radius")]
+    #[serde(default = "usual::ball_radius", deserialize_with = "number::radius")]
     pub radius: f64,
     /// Colour of the ball.
     pub colour: Paint,
@@ -152,10 +155,10 @@ pub struct Post {
     /// The centre of its foot.
     pub at: Spot,
     /// Radius in metres.
-    #[serde(default = "post_radius", deserialize_with = "number::radius")]
+    #[serde(default = "usual::post_radius", deserialize_with = "number::radius")]
     pub radius: f64,
     /// Height in metres.
-    #[serde(default = "post_height", deserialize_with = "number::height")]
+    #[serde(default = "usual::post_height", deserialize_with = "number::height")]
     pub height: f64,
     /// Colour of the column.
     pub colour: Paint,
@@ -164,12 +167,11 @@ pub struct Post {
 impl Room {
     /// Returns the floor between the outer walls.
     pub(crate) fn footprint(&self) -> Rectangle {
-        Rectangle {
-            centre: Point::new(self.width / 2.0, self.depth / 2.0),
-            length: self.width,
-            width: self.depth,
-            heading: 0.0,
-        }
+        Rectangle::new(
+            Point::new(self.width / 2.0, self.depth / 2.0),
+            [self.width, self.depth],
+            0.0,
+        )
     }
 
     pub(crate) fn holds(&self, point: Point) -> bool {
@@ -181,12 +183,11 @@ impl Wall {
     pub(crate) fn footprint(&self) -> Rectangle {
         let from = self.from.point();
         let to = self.to.point();
-        Rectangle {
-            centre: from.towards(to, 0.5),
-            length: from.distance(to) + self.thickness,
-            width: self.thickness,
-            heading: from.direction_of(to),
-        }
+        Rectangle::new(
+            from.towards(to, 0.5),
+            [from.distance(to) + self.thickness, self.thickness],
+            from.direction_of(to),
+        )
     }
 
     pub(super) fn stands_between(&self, a: Point, b: Point) -> bool {
@@ -229,52 +230,18 @@ impl Rug {
     }
 
     pub(crate) fn footprint(&self) -> Rectangle {
-        Rectangle {
-            centre: self.at.point(),
-            length: self.width,
-            width: self.depth,
-            heading: 0.0,
-        }
+        Rectangle::new(self.at.point(), [self.width, self.depth], 0.0)
     }
 }
 
 impl Furniture {
     pub(crate) fn footprint(&self) -> Rectangle {
-        Rectangle {
-            centre: self.at.point(),
-            length: self.length,
-            width: self.width,
-            heading: self.heading_degrees.to_radians(),
-        }
+        Rectangle::new(
+            self.at.point(),
+            [self.length, self.width],
+            self.heading_degrees.to_radians(),
+        )
     }
-}
-
-fn room_height() -> f64 {
-    2.4
-}
-
-fn wall_paint() -> Paint {
-    Paint([214, 206, 190])
-}
-
-fn wall_thickness() -> f64 {
-    0.1
-}
-
-fn ball_radius() -> f64 {
-    0.1
-}
-
-fn sill_paint() -> Paint {
-    Paint([112, 74, 44])
-}
-
-fn post_radius() -> f64 {
-    0.05
-}
-
-fn post_height() -> f64 {
-    0.6
 }
 
 /// Where the robot stands at first.
@@ -379,28 +346,49 @@ pub struct Walker {
     /// Their place without a `path`, or their start with one.
     pub at: Spot,
     /// Radius in metres.
-    #[serde(default = "walker_radius", deserialize_with = "number::radius")]
+    #[serde(default = "usual::walker_radius", deserialize_with = "number::radius")]
     pub radius: f64,
     /// Height in metres.
-    #[serde(default = "walker_height", deserialize_with = "number::height")]
+    #[serde(default = "usual::walker_height", deserialize_with = "number::height")]
     pub height: f64,
     /// Colour of the clothes.
-    #[serde(default = "clothes")]
+    #[serde(default = "usual::walker_paint")]
     pub colour: Paint,
     /// Their route.
     pub path: Option<Route>,
 }
 
-fn walker_radius() -> f64 {
-    0.2
-}
+/// What keys of a world are if its file does not name them: one function for each, as serde asks.
+pub(super) mod usual {
+    use super::Paint;
 
-fn walker_height() -> f64 {
-    1.7
-}
+    macro_rules! usual {
+        ($($name:ident: $kind:ty = $value:expr;)+) => {
+            $(pub(in crate::world) fn $name() -> $kind { $value })+
+        };
+    }
 
-fn clothes() -> Paint {
-    Paint([92, 96, 112])
+    usual! {
+        room_height: f64 = 2.4;
+        wall_paint: Paint = Paint([214, 206, 190]);
+        wall_thickness: f64 = 0.1;
+        ball_radius: f64 = 0.1;
+        sill_paint: Paint = Paint([112, 74, 44]);
+        post_radius: f64 = 0.05;
+        post_height: f64 = 0.6;
+        walker_radius: f64 = 0.2;
+        walker_height: f64 = 1.7;
+        walker_paint: Paint = Paint([92, 96, 112]);
+        tape_width: f64 = 0.03;
+        loudness: f64 = 0.5;
+        lamp_paint: Paint = Paint([255, 255, 255]);
+        lamp_reach: f64 = 2.5;
+        sign_side: f64 = 0.3;
+        sign_height: f64 = 0.3;
+        hertz: f64 = 880.0;
+        beacon_range: f64 = 6.0;
+        beacon_degrees: f64 = 70.0;
+    }
 }
 
 #[cfg(test)]

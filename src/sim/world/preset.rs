@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn mistakes_name_their_place_also_with_a_preset() {
         for (more, place, words) in [
-            ("preset: genuin\n", "w.yaml:3:", "did you mean `genuine`?"),
+            ("preset: genuin\n", "w.yaml:3:", "did you mean 'genuine'?"),
             (
                 "preset: genuine\ncamera: {pitch: 90}\n",
                 "w.yaml:4:17: ",

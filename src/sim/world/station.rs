@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use serde::Deserialize;
 
-use super::objects::Spot;
+use super::objects::{Spot, usual};
 use crate::document::number;
 use crate::geometry::obstacles::Obstacles;
 use crate::geometry::{Point, Pose, RADIUS, Rectangle, wrap};
@@ -38,10 +38,13 @@ pub struct Station {
     #[serde(deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
     /// Range of the beacon, metres.
-    #[serde(default = "beacon_range", deserialize_with = "number::reach")]
+    #[serde(default = "usual::beacon_range", deserialize_with = "number::reach")]
     pub beacon_range: f64,
     /// Half the beam width of the beacon, to each side of the heading, degrees.
-    #[serde(default = "beacon_degrees", deserialize_with = "number::degrees")]
+    #[serde(
+        default = "usual::beacon_degrees",
+        deserialize_with = "number::degrees"
+    )]
     pub beacon_degrees: f64,
     /// How well the robot finds the contacts.
     #[serde(default)]
@@ -146,12 +149,11 @@ impl Station {
 
     /// Returns where its body stands; its front looks into the room.
     pub(crate) fn footprint(&self) -> Rectangle {
-        Rectangle {
-            centre: self.at.point().ahead(self.heading(), DEPTH / 2.0),
-            length: DEPTH,
-            width: WIDTH,
-            heading: self.heading(),
-        }
+        Rectangle::new(
+            self.at.point().ahead(self.heading(), DEPTH / 2.0),
+            [DEPTH, WIDTH],
+            self.heading(),
+        )
     }
 
     pub(crate) fn beacon(&self) -> Point {
@@ -195,12 +197,4 @@ impl Station {
         let off = [ahead, aside.abs(), turned.abs()];
         off.iter().zip(limits).all(|(off, limit)| *off <= limit)
     }
-}
-
-fn beacon_range() -> f64 {
-    6.0
-}
-
-fn beacon_degrees() -> f64 {
-    70.0
 }

@@ -86,7 +86,7 @@ async fn a_wrong_file_of_faults_is_refused_with_line_and_column() {
     let file = rig.file("faults.yaml", "faults:\n  - fault: dorp\n");
     let mut run = rig.spykee(&["sim", "--faults", file.to_str().unwrap()]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    for word in ["faults.yaml:2:", "dorp", "did you mean `drop`?", "the book"] {
+    for word in ["faults.yaml:2:", "dorp", "did you mean 'drop'?", "the book"] {
         assert!(run.text().contains(word), "{word}: {}", run.text());
     }
 }

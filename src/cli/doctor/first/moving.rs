@@ -3,9 +3,10 @@
 use std::net::Shutdown;
 use std::ops::{Range, RangeInclusive};
 use std::pin::pin;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
+use parking_lot::Mutex;
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
 
@@ -358,7 +359,7 @@ impl LinkCut {
         let newest: Arc<Mutex<Option<watch::Receiver<Option<AcceptedLogin>>>>> = Arc::default();
         let link = newest.clone();
         let connector: Connector = Box::new(move |supervision| {
-            *newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(supervision.accepted());
+            *newest.lock() = Some(supervision.accepted());
             let begins = *from.borrow();
             let connecting = connector(supervision);
             Box::pin(async move {
@@ -367,7 +368,7 @@ impl LinkCut {
             })
         });
         let disconnect = move || {
-            let link = link.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            let link = link.lock().clone();
             if let Some(login) = link.and_then(|link| link.borrow().clone()) {
                 // A socket that is closed already is cut.
                 let _ = login.socket.shutdown(Shutdown::Both);
