@@ -155,7 +155,7 @@ async fn healthz(State(broadcast): Shared) -> Response {
 async fn metrics(State(broadcast): Shared, _: Visitor) -> impl IntoResponse {
     let text = broadcast.metrics.text(
         &broadcast.run,
-        broadcast.viewers.lock().open.len(),
+        broadcast.lock_viewers().open.len(),
         broadcast.camera.bytes.load(Ordering::Relaxed),
     );
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";

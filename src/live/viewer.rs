@@ -43,7 +43,7 @@ pub(super) struct Viewer {
 impl Drop for Viewer {
     fn drop(&mut self) {
         self.release_drive_lock();
-        let mut viewers = self.broadcast.viewers.lock();
+        let mut viewers = self.broadcast.lock_viewers();
         viewers.open.retain(|page| page.id != self.id);
     }
 }
@@ -84,7 +84,7 @@ impl ViewerList {
 impl Viewer {
     /// Admits a viewer; `None` if there are too many, and none must make room for this one.
     pub(super) fn admit(broadcast: &Arc<Broadcast>, visitor: Visitor) -> Option<Viewer> {
-        let mut viewers = broadcast.viewers.lock();
+        let mut viewers = broadcast.lock_viewers();
         if viewers.open.len() >= MAX_VIEWERS {
             let index = viewers.to_evict(&visitor)?;
             viewers.open.remove(index).evicted.cancel();
@@ -152,7 +152,7 @@ impl Viewer {
         if differs_from_real_time(&self.broadcast) {
             return Err(notice("drive_not_real_time"));
         }
-        let mut viewers = self.broadcast.viewers.lock();
+        let mut viewers = self.broadcast.lock_viewers();
         match &viewers.driver {
             Some((person, _)) if person.id == self.id => return Ok(None),
             Some((person, _)) => {
@@ -172,7 +172,7 @@ impl Viewer {
     /// Sets the setpoint, which is valid for 0.3 s. Returns whether this viewer has the drive lock.
     pub(super) fn set_setpoint(&self, setpoint: Setpoint) -> bool {
         let not_real_time = differs_from_real_time(&self.broadcast);
-        let mut viewers = self.broadcast.viewers.lock();
+        let mut viewers = self.broadcast.lock_viewers();
         let id = self.id;
         let Some((_, setpoints)) = viewers
             .driver
@@ -191,7 +191,7 @@ impl Viewer {
     }
 
     pub(super) fn release_drive_lock(&self) {
-        let mut viewers = self.broadcast.viewers.lock();
+        let mut viewers = self.broadcast.lock_viewers();
         viewers.driver.take_if(|(person, _)| person.id == self.id);
     }
 }
