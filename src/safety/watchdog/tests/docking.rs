@@ -155,7 +155,7 @@ fn a_grant_ends_with_its_docking() {
     }
     // Who takes the tracks with a higher priority has them.
     let mut rig = granted();
-    let acts = rig.ask_as(
+    let mut acts = rig.ask_as(
         BehaviourId(3),
         10,
         Intent::Move {
@@ -165,6 +165,7 @@ fn a_grant_ends_with_its_docking() {
         },
     );
     assert_eq!(dock_ended(&acts), Some((DockEnd::Preempted, 2)));
+    acts.extend(rig.pass(50 * MS, false));
     assert_eq!(sent(&acts).last(), Some(&FORWARD));
     // A low battery continues the way home by its own rules.
     let mut rig = granted();
