@@ -156,6 +156,17 @@ fn plain(words: &str) -> String {
         .replace("identifier", "a name")
 }
 
+/// Whether the test of an `if` or of a loop is open after these tokens.
+fn is_tested(before: &[&str]) -> bool {
+    let words = ["if", "elseif", "while", "until", "then", "do"];
+    let opening = before.iter().rposition(|text| words.contains(text));
+    opening.is_some_and(|opening| {
+        let inside = &before[opening..];
+        let count = |bracket| inside.iter().filter(|text| **text == bracket).count();
+        words[..4].contains(&before[opening]) && count("(") == count(")")
+    })
+}
+
 impl ErrorSite<'_> {
     fn quotes(&self) -> Option<Diagnostic> {
         let typographic = ['“', '”', '„', '‘', '’', '«', '»'];
@@ -314,19 +325,9 @@ impl ErrorSite<'_> {
             token.is_some_and(|token| token.kind == TokenKind::Number)
         };
         let adjoins = |at: usize| tokens[at + 1].span.start == tokens[at].span.end;
-        // Whether a place is in the test of an `if` or of a loop.
-        let is_tested = |at: usize| {
-            let words = ["if", "elseif", "while", "until", "then", "do"];
-            let opening = texts[..at].iter().rposition(|text| words.contains(text));
-            opening.is_some_and(|opening| {
-                let inside = texts[opening..at].iter();
-                let count = |bracket| inside.clone().filter(|text| **text == bracket).count();
-                words[..4].contains(&texts[opening]) && count("(") == count(")")
-            })
-        };
         for (at, token) in tokens.iter().enumerate() {
             let (last, message, help) = match &texts[at..] {
-                ["=", ">", ..] if adjoins(at) && (is_number(at + 2) || is_tested(at)) => {
+                ["=", ">", ..] if adjoins(at) && (is_number(at + 2) || is_tested(&texts[..at])) => {
                     let help = "\"greater or equal\" is written >=";
                     (at + 1, "'=>' is not known here", help.to_owned())
                 }
