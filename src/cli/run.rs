@@ -147,6 +147,8 @@ pub(super) fn run(
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
+        // A run has no timetable: who wants to change it is told so.
+        drop(started.changes);
         exit_of(started.agent.run(started.stop).await, false)
     })
 }

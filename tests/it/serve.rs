@@ -698,8 +698,9 @@ async fn a_paused_timetable_starts_nothing_also_after_a_power_cut_until_its_time
         &listed,
         &["paused it until Mon 2026-05-04 11:00", "11:00  drive"],
     );
-    for words in ["skip", "unskip"] {
-        let (code, text) = order(&[words]).await;
+    let again: [&[&str]; 3] = [&["skip"], &["unskip"], &["pause", "2026-05-04 11:00"]];
+    for words in again {
+        let (code, text) = order(words).await;
         assert_eq!(code, Some(0), "{text}");
     }
     ends_well(&mut next).await;
