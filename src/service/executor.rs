@@ -372,7 +372,10 @@ impl Executor {
                 }
                 self.docking_task = None;
                 let done = log_homing(&ended);
-                self.idle.docked(done, Instant::now());
+                match ended {
+                    Ok(docked) if docked.end == DockEnd::Preempted => self.idle.preempted(),
+                    _ => self.idle.docked(done, Instant::now()),
+                }
             }
         }
     }

@@ -78,6 +78,12 @@ impl IdleRobot {
         self.next = Some(now + self.backoff.step());
     }
 
+    /// Somebody drives it instead: that is no failure, and the wait begins again.
+    pub(super) fn preempted(&mut self) {
+        self.docking = false;
+        self.since = None;
+    }
+
     pub(super) fn poll(
         &mut self,
         status: &Status,
@@ -169,6 +175,19 @@ mod tests {
             ..Status::default()
         };
         (IdleRobot::new(policy), status, Instant::now())
+    }
+
+    #[test]
+    fn a_docking_that_somebody_ends_by_driving_is_repeated_after_the_usual_wait() {
+        let (mut idle, status, now) = idle(false);
+        assert_eq!(idle.poll(&status, Activity::Watched, now), None);
+        let now = now + MINUTE;
+        let sent = idle.poll(&status, Activity::Watched, now);
+        assert_eq!(sent, Some(IdleAction::Dock));
+        idle.preempted();
+        assert_eq!(idle.poll(&status, Activity::Watched, now), None);
+        let sent = idle.poll(&status, Activity::Watched, now + MINUTE);
+        assert_eq!(sent, Some(IdleAction::Dock));
     }
 
     #[test]

@@ -113,7 +113,8 @@ async fn no_descriptor_inherited_by_the_agent_reaches_its_children() {
         };
         Some(links.filter(of_ours).count())
     };
-    assert_eq!(leaks(pid), Some(3), "the agent did not inherit them");
+    // It opens files of its own there too.
+    assert!(leaks(pid) >= Some(3), "the agent did not inherit them");
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
     // Only root can inspect a host.
