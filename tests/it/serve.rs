@@ -698,7 +698,7 @@ async fn a_paused_timetable_starts_nothing_also_after_a_power_cut_until_its_time
         &listed,
         &["paused it until Mon 2026-05-04 11:00", "11:00  drive"],
     );
-    let again: [&[&str]; 3] = [&["skip"], &["unskip"], &["pause", "2026-05-04 11:00"]];
+    let again: [&[&str]; 3] = [&["skip"], &["unskip"], &["pause", "2026-05-04 10:59"]];
     for words in again {
         let (code, text) = order(words).await;
         assert_eq!(code, Some(0), "{text}");
@@ -713,7 +713,7 @@ async fn a_paused_timetable_starts_nothing_also_after_a_power_cut_until_its_time
     assert_contains(
         &history,
         &[
-            "nothing starts until Mon 2026-05-04 11:00",
+            "nothing starts until Mon 2026-05-04 10:59",
             "the command line",
         ],
     );

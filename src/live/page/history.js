@@ -147,7 +147,7 @@ export function schedule(connection, command) {
     told = news;
     next = state.next;
     skip.hidden = next === null;
-    say(skip, t(next?.skipped ? "unskip" : "skip"));
+    say(skip, t(next?.skipped ? "keep_start" : "leave_out"));
     resume.hidden = state.paused === null;
     say(paused, state.paused === null ? "" : t("paused_until", { time: time.format(new Date(state.paused)) }));
     show();
