@@ -199,7 +199,7 @@ async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request(
     let rig = Rig::near_home().await;
     rig.file("idle.lua", IDLE);
     rig.file("drive.lua", DRIVE);
-    let mut run = rig.spykee(&["run", "idle.lua", "drive.lua", "--robot", &rig.address]);
+    let run = rig.spykee(&["run", "idle.lua", "drive.lua", "--robot", &rig.address]);
     rig.heard_motion(0).await;
     rig.sim.hide_station(true);
     let mut dock = rig.spykee(&["robot", "dock"]);
