@@ -111,8 +111,7 @@ pub(super) struct Broadcast {
     pub(super) map: watch::Sender<Utf8Bytes>,
     pub(super) behaviours: watch::Sender<Utf8Bytes>,
     pub(super) history: Mutex<BatteryHistory>,
-    /// To be locked only for short lookups.
-    pub(super) viewers: Mutex<ViewerList>,
+    viewers: Mutex<ViewerList>,
     robot: watch::Sender<Option<RobotInfo>>,
     /// Whether the pilot responds.
     alive: AtomicBool,

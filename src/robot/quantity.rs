@@ -110,8 +110,13 @@ impl<'de> Deserialize<'de> for Percent {
 
 impl<'de> Deserialize<'de> for TrackPower {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrackPower, D::Error> {
-        let is_valid = |number: &f64| number.fract() == 0.0 && (-90.0..=90.0).contains(number);
-        let make = |number| Some(number).filter(is_valid).map(|n| TrackPower(n as i8));
+        let make = |number: f64| {
+            if number.fract() == 0.0 {
+                TrackPower::new(number as i8)
+            } else {
+                None
+            }
+        };
         deserializer.deserialize_i8(yaml::number("a whole number from -90 to 90", make))
     }
 }

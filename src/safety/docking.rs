@@ -46,6 +46,13 @@ impl ActiveDocking {
     pub(super) fn is_asked(&self) -> bool {
         !self.forced && !self.callers.is_empty()
     }
+
+    /// Whether the rescue behaviour should drive it between its attempts: somebody has asked for it,
+    /// one has failed, and it has more retries than usual. With the usual ones it gives its result soon.
+    pub(super) fn wants_rescue(&self) -> bool {
+        let patient = self.docking.plan.retries > DockPlan::DEFAULT.retries;
+        self.is_asked() && patient && self.docking.has_failed()
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -190,14 +197,13 @@ impl Docking {
 
     // Between two attempts.
 
-    /// Whether a behaviour that can see should drive it between its attempts: one has failed, and it
-    /// has more retries than usual. With the usual ones it gives its result soon.
-    pub fn wants_rescue(&self) -> bool {
+    /// Whether an attempt has failed, and another follows or is under way.
+    fn has_failed(&self) -> bool {
         let waits = matches!(
             self.phase,
             DockingPhase::BackingOff { .. } | DockingPhase::Granted(_)
         );
-        self.plan.retries > DockPlan::DEFAULT.retries && (waits || self.attempts > 1)
+        waits || self.attempts > 1
     }
 
     /// Grants the tracks until the next attempt, instead of backing off; returns for how long.

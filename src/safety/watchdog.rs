@@ -362,8 +362,8 @@ impl Watchdog {
     /// is low or a docking that somebody asked for wants it. True some time before the first grant, so
     /// that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
-        let wants = |active: &ActiveDocking| active.is_asked() && active.docking.wants_rescue();
-        let asked = self.docking.as_ref().is_some_and(wants);
+        let docking = self.docking.as_ref();
+        let asked = docking.is_some_and(ActiveDocking::wants_rescue);
         let off = self.run_ending || self.stopped_by_person || self.limits.rescue == Rescue::Off;
         !off && (asked || self.battery_monitor.low().is_some()) && !self.is_in_place()
     }
@@ -386,19 +386,24 @@ impl Watchdog {
     /// While a person's STOP holds, a robot with a low battery stays where it is: its way home is
     /// interrupted, and goes on from there when STOP is released.
     fn set_stopped(&mut self, stopped: bool, now: Instant) {
-        self.stopped_by_person |= stopped;
-        if self.stopped_by_person {
-            let goes_home = !self.docked();
-            let is_over = |one: &ActiveDocking| one.is_asked() || (one.forced && goes_home);
-            if self.docking.as_ref().is_some_and(is_over) {
-                self.end_docking(DockEnd::Cancelled, now);
-            }
-            self.interrupt_homing(now);
-            let goes_home = goes_home && self.online && !stopped;
-            if goes_home && let Some(cause) = self.low() {
-                let reason = format!("{cause}: goes home, STOP is released");
-                self.announce(SafetyAction::Dock, reason);
-            }
+        if !stopped && !self.stopped_by_person {
+            return;
+        }
+        // It holds until the dockings that it ends have ended, also when it is released.
+        self.stopped_by_person = true;
+        let away = !self.docked();
+        let is_over = |one: &ActiveDocking| one.is_asked() || (one.forced && away);
+        if self.docking.as_ref().is_some_and(is_over) {
+            self.end_docking(DockEnd::Cancelled, now);
+        }
+        self.interrupt_homing(now);
+        if !stopped
+            && away
+            && self.online
+            && let Some(cause) = self.low()
+        {
+            let reason = format!("{cause}: goes home, STOP is released");
+            self.announce(SafetyAction::Dock, reason);
         }
         self.stopped_by_person = stopped;
     }
@@ -769,7 +774,7 @@ impl Watchdog {
         let least = self.limits.rescue_time.get();
         if let Some(by) = self.grantable()
             && let Some(active) = &mut self.docking
-            && active.is_asked()
+            && active.wants_rescue()
         {
             let time = active.docking.grant(by, least, now);
             self.tell_grant(by, time);

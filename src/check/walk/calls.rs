@@ -142,7 +142,7 @@ impl<'a> Walk<'a> {
                 let Some(help) = self.decimal_comma(arguments) else {
                     return;
                 };
-                (format!("{} over 0 metres", function.path), help)
+                (format!("{} for 0 seconds", function.path), help)
             }
             "robot.turn" if number.abs() > MAX_RADIANS => {
                 let turns = number.abs() / std::f64::consts::TAU;
