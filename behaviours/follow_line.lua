@@ -19,6 +19,8 @@ local STRIPS = { 1.03, 1.11, 1.21, 1.32, 1.47, 1.61, 1.81, 2.02 }
 local APART, GAP = 0.08, 0.3 -- metres: least and largest distance between two points of the line
 local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the known one
 local WIDE = 24 -- pixels: for each such width the tape gives one point
+local MARGIN = 24 -- pixels around a blob with which its brightness is compared
+local DARK = 0.45 -- black tape is darker than this share of the floor's brightness
 local BEGINNING = 1.1 -- a new line must begin nearer than this share of the nearest floor, or than 0.9 m
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
@@ -101,11 +103,32 @@ local function note(frame, column, row)
 	end
 end
 
+-- Whether a blob is black tape. The corners of a picture and the shadow at the foot of a wall may be
+-- black too, but not much darker than what is around them.
+local function is_tape(frame, blob)
+	local x, y = math.max(0, blob.x - MARGIN), math.max(0, blob.y - MARGIN)
+	local right = math.min(frame.width, blob.x + blob.w + MARGIN)
+	local bottom = math.min(frame.height, blob.y + blob.h + MARGIN)
+	local around = frame:brightness({ x, y, right - x, bottom - y })
+	local dark = frame:brightness({ blob.x, blob.y, blob.w, blob.h })
+	return dark < DARK * math.min(around, frame:brightness())
+end
+
+-- Returns the largest blob of tape around this row, or nil.
+local function find_tape(frame, row)
+	for _, blob in frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } }) do
+		if settings.colour ~= "black" or is_tape(frame, blob) then
+			return blob
+		end
+	end
+	return nil
+end
+
 local function look(frame)
 	near = floor.nearest(frame)
 	for _, share in STRIPS do
 		local _, row = frame:pixel_at(0, -math.atan(frame.lens_height / (share * near)))
-		local tape = row and frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } })[1]
+		local tape = row and find_tape(frame, row)
 		if tape then
 			-- In a bend the tape lies across the picture, so more than one of its points is
 			-- visible.
