@@ -73,6 +73,8 @@ struct Question {
     at: Instant,
     /// The number of messages written up to this one.
     written: u64,
+    /// The number of bytes written up to its last one.
+    ends: u64,
     /// When it was expected to be executed, from `at` on.
     expected: Duration,
 }
@@ -165,12 +167,13 @@ impl Pace {
         self.question.clone()
     }
 
-    /// Notes that a message was written, or its first byte.
-    pub(super) fn wrote(&mut self, is_question: bool, now: Instant) {
+    /// Notes that a message was written, or its first byte. `question`: it is a question, and this is
+    /// the number of bytes written up to its last one.
+    pub(super) fn wrote(&mut self, question: Option<u64>, now: Instant) {
         self.written += 1;
         let busy_until = self.free_at(now) + self.spacing();
         self.busy_until = Some(busy_until);
-        if is_question {
+        if let Some(ends) = question {
             if self.open.len() >= MAX_QUESTIONS {
                 self.open.pop_front();
             }
@@ -178,6 +181,7 @@ impl Pace {
                 number: self.asked,
                 at: now,
                 written: self.written,
+                ends,
                 expected: busy_until.saturating_duration_since(now),
             });
             self.asked += 1;
@@ -236,25 +240,25 @@ impl Pace {
             && self.control.due.is_none_or(|due| now >= due)
     }
 
-    /// Notes the beginning of an answer; `network` is the time that the network
-    /// needs there and back. A POWER that comes unasked while a question is open counts as its
+    /// Notes the beginning of an answer; `network` is the time that the network needs there and back.
+    /// The robot's system has acknowledged so many bytes: what it has sent before a question arrived
+    /// there answers an earlier one, or none. A POWER that comes unasked after that counts as an
     /// answer: ask twice where that matters.
-    pub(super) fn answer(&mut self, network: Duration, now: Instant) {
-        let Some(oldest) = self.open.front() else {
+    pub(super) fn answer(&mut self, network: Duration, acknowledged: u64, now: Instant) {
+        if self.open.is_empty() {
             self.note_unasked(now);
+        }
+        let arrived = self.open.partition_point(|one| one.ends <= acknowledged);
+        let asked = self.open.range(..arrived);
+        let again = asked.clone().next().map(|oldest| oldest.at + ASK_AGAIN);
+        let asked_again = asked.last().is_some_and(|newest| Some(newest.at) >= again);
+        let count = if asked_again { arrived } else { arrived.min(1) };
+        let Some(question) = self.open.drain(..count).next_back() else {
             return;
         };
-        let again = oldest.at + ASK_AGAIN;
-        let asked_again = self.open.back().is_some_and(|newest| newest.at >= again);
-        let question = if asked_again {
-            self.settled = self.open.len() - 1;
-            self.open.drain(..).next_back()
-        } else {
-            self.open.pop_front()
-        };
-        let Some(question) = question else {
-            return;
-        };
+        if asked_again {
+            self.settled = count - 1;
+        }
         self.seen += 1;
         // A single POWER may have come unasked.
         if self.seen > 1 || self.question == Command::ConfigQuery {
@@ -362,11 +366,11 @@ impl Pace {
         }
         let mut model = self.clone();
         for _ in 0..urgent {
-            model.wrote(false, now);
+            model.wrote(None, now);
         }
         let mut count = 0;
         while count < waiting && model.admits(now) {
-            model.wrote(false, now);
+            model.wrote(None, now);
             count += 1;
         }
         count
@@ -491,11 +495,11 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     fn ask(pace: &mut Pace, now: Instant) {
-        pace.wrote(true, now);
+        pace.wrote(Some(0), now);
     }
 
     fn answer(pace: &mut Pace, now: Instant) {
-        pace.answer(Duration::ZERO, now);
+        pace.answer(Duration::ZERO, 0, now);
     }
 
     #[test]
@@ -519,6 +523,26 @@ mod tests {
         assert!(matches!(pace.executes(), Executes::Every(period) if period >= CAUTIOUS));
     }
 
+    /// As after an outage: the robot's system repeats what it could not deliver, before the questions
+    /// that were asked meanwhile have arrived.
+    #[test]
+    fn what_the_robot_sent_before_a_question_arrived_is_no_answer_to_it() {
+        let start = Instant::now();
+        for again in [500, 1500, 4000] {
+            let mut pace = Pace::default();
+            pace.wrote(Some(10), start);
+            let number = pace.next_question();
+            pace.wrote(Some(20), start + again * MS);
+            for _old in 0..3 {
+                pace.answer(Duration::ZERO, 10, start + 5000 * MS);
+                assert!(!pace.is_answered(number), "{again} ms");
+            }
+            pace.answer(Duration::ZERO, 20, start + 5100 * MS);
+            assert!(pace.is_answered(number));
+            assert_eq!(pace.question(), Command::PowerQuery);
+        }
+    }
+
     fn settings(text: &'static str) -> Report {
         Report::Config(Bytes::from_static(text.as_bytes()))
     }
@@ -531,7 +555,7 @@ mod tests {
             ask(&mut pace, start);
             answer(&mut pace, start + 100 * MS);
             assert!(pace.is_control_due(start));
-            pace.wrote(false, start + 200 * MS);
+            pace.wrote(None, start + 200 * MS);
             pace.wrote_control();
             assert!(!pace.is_control_due(start + 200 * MS));
             ask(&mut pace, start + 200 * MS);

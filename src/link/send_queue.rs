@@ -98,6 +98,8 @@ pub(super) struct SendQueue {
     /// Since when none of the offered bytes were accepted.
     stalled: Option<Instant>,
     pace: Pace,
+    /// The number of bytes written.
+    written: u64,
     /// The last MOVE written.
     last_move: Bytes,
     /// When the robot begins to execute it.
@@ -107,6 +109,11 @@ pub(super) struct SendQueue {
 }
 
 impl SendQueue {
+    /// The number of bytes written.
+    pub(super) fn written(&self) -> u64 {
+        self.written
+    }
+
     /// What is known of the robot's speed.
     pub(super) fn pace(&mut self) -> &mut Pace {
         &mut self.pace
@@ -307,11 +314,12 @@ impl SendQueue {
             return;
         }
         self.stalled = None;
+        self.written += count as u64;
         self.speech.charge(count, now);
         if self.urgent() == 0 && self.admitted(now) == 0 {
             self.partly_written = self.speech.first().unwrap_or_default();
             self.speech.advance();
-            self.pace.wrote(false, now);
+            self.pace.wrote(None, now);
         }
         let finished = count.min(self.partly_written.len());
         drop(self.partly_written.split_to(finished));
@@ -325,7 +333,9 @@ impl SendQueue {
                 self.last_move = message.bytes.clone();
                 self.move_begins = Some(self.pace.next_execution(now));
             }
-            self.pace.wrote(message.kind == CommandKind::Question, now);
+            let ends = self.written - left as u64 + message.bytes.len() as u64;
+            let asks = message.kind == CommandKind::Question;
+            self.pace.wrote(asks.then_some(ends), now);
             if message.kind == CommandKind::Control {
                 self.pace.wrote_control();
             }
@@ -491,6 +501,11 @@ mod tests {
     }
 
     impl Rig {
+        fn answer(&mut self) {
+            let written = self.queue.written();
+            self.queue.pace().answer(Duration::ZERO, written, self.now);
+        }
+
         /// With a robot that is known to execute everything at once.
         fn new() -> Rig {
             let mut rig = Rig::with_unknown_robot();
@@ -498,7 +513,7 @@ mod tests {
             rig.drain();
             rig.out.clear();
             for _ in 0..2 {
-                rig.queue.pace().answer(Duration::ZERO, rig.now);
+                rig.answer();
             }
             rig
         }
@@ -739,7 +754,7 @@ mod tests {
             rig.now = began + step * 5 * MS;
             while robot.answers.front().is_some_and(|at| *at <= rig.now) {
                 robot.answers.pop_front();
-                rig.queue.pace().answer(Duration::ZERO, rig.now);
+                rig.answer();
             }
             if step % 4 == 0 {
                 let power = i8::try_from(step / 4 % 80).unwrap() + 1;
@@ -854,12 +869,12 @@ mod tests {
         rig.push(&[Command::STOP]);
         let asked = rig.queue.ask(rig.now).unwrap();
         rig.drain();
-        rig.queue.pace().answer(Duration::ZERO, rig.now);
+        rig.answer();
         assert!(
             !rig.queue.pace().is_answered(asked),
             "one may have come unasked"
         );
-        rig.queue.pace().answer(Duration::ZERO, rig.now);
+        rig.answer();
         assert!(rig.queue.pace().is_answered(asked));
         let questions = [Command::PowerQuery, Command::PowerQuery];
         assert_eq!(rig.written()[1..], questions);

@@ -167,8 +167,11 @@ impl Writer {
     /// Notes a report: one of the kind that is asked for may be an answer.
     pub fn answer(&mut self, report: &Report, now: Instant) {
         if self.queue.pace().is_answer(report, now) {
-            let network = self.direct.as_deref().and_then(round_trip);
-            self.queue.pace().answer(network.unwrap_or_default(), now);
+            let direct = self.direct.as_deref();
+            let network = direct.and_then(round_trip).unwrap_or_default();
+            let unacknowledged = direct.and_then(unacknowledged).unwrap_or_default();
+            let acknowledged = self.queue.written().saturating_sub(unacknowledged as u64);
+            self.queue.pace().answer(network, acknowledged, now);
         }
     }
 
