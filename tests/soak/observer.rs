@@ -25,11 +25,12 @@ const FOUND_AFTER: Duration = Duration::from_secs(600);
 /// The user that our agent is.
 const OURS: &str = "admin";
 /// The longest of the watchdog's own blind moves, a look included.
-const LEG: Duration = Duration::from_millis(4950 + 200);
+const BLIND_MOVE: Duration = Duration::from_millis(4950 + 200);
 /// The longest grant of the tracks to the rescue behaviour, a look included.
-const DRIVE_GRANT: Duration = Duration::from_millis(8000 + 200);
-/// The most power of both, on the wire.
-const LEG_POWER: u8 = 27;
+const GRANT: Duration = Duration::from_millis(40_000 + 200);
+/// The most power of both, on the wire: 30 and 45 % of 90.
+const BLIND_POWER: u8 = 27;
+const GRANT_POWER: u8 = 40;
 /// Setpoints a second; a look's grain of room on top.
 const MAX_MOVES: usize = 50 + 2;
 
@@ -47,8 +48,8 @@ pub struct Observer {
     low_since: Option<Duration>,
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
-    /// Until when a blind move or grant may last that the watchdog has announced.
-    homeward: Option<Duration>,
+    /// Until when a blind move or grant may last that the watchdog has announced, and the most power.
+    homeward: Option<(Duration, u8)>,
     account: Account,
     /// Low and not charging.
     episode: Option<HomingEpisode>,
@@ -218,13 +219,13 @@ impl Observer {
         }
         let Tracks { left, right } = state.commanded;
         let driven = (left != 0 || right != 0) && !state.searching;
-        let own = self.homeward.is_some_and(|until| now <= until);
+        let own = self.homeward.filter(|(until, _)| now <= *until);
         self.ledger.note(
             "low and off the station: no script moves the robot",
-            (driven && !own).then(|| format!("{left} {right} at {now:.1?}")),
+            (driven && own.is_none()).then(|| format!("{left} {right} at {now:.1?}")),
         );
-        if own {
-            let slow = left.unsigned_abs() <= LEG_POWER && right.unsigned_abs() <= LEG_POWER;
+        if let Some((_, most)) = own {
+            let slow = left.unsigned_abs() <= most && right.unsigned_abs() <= most;
             self.ledger.note(
                 "blind moves and granted tracks are slow",
                 (!slow).then(|| format!("{left} {right} at {now:.1?}")),
@@ -243,10 +244,10 @@ impl Observer {
             self.ledger.happened(line.replace('\n', " / "));
             if event.kind == EventKind::Safety {
                 if event.text.contains("makes short blind move") {
-                    self.homeward = Some(event.at + LEG);
+                    self.homeward = Some((event.at + BLIND_MOVE, BLIND_POWER));
                 }
                 if event.text.contains("a rescue behaviour may drive") {
-                    self.homeward = Some(event.at + DRIVE_GRANT);
+                    self.homeward = Some((event.at + GRANT, GRANT_POWER));
                 }
                 if let Some(episode) = &mut self.episode {
                     episode.acted(&event.text);
