@@ -13,9 +13,10 @@ const TEXTS = {
   range: ["from {low} to {high}", "von {low} bis {high}", "da {low} a {high}"],
   variable: ["New variable", "Neue Variable", "Nuova variabile"],
 };
-const EMPTY = { blocks: { languageVersion: 0, blocks: [{ type: "start", x: 24, y: 24 }] } };
+const EMPTY = { blocks: { languageVersion: 0, blocks: [{ type: "easy_start", x: 24, y: 24 }] } };
 
 const STYLE = `
+.blocklyComputeCanvas { display: none; }
 .blocks .blocklyToolbox { padding: 8px 0; border-right: 1px solid var(--line); font-size: 0.9375rem; }
 .blocks .blocklyToolboxCategory { height: auto; min-height: 40px; padding: 8px 12px; line-height: 1.3; }
 .blocks .blocklyTreeLabel, .blocks .blocklyToolboxCategoryLabel { font: inherit; }
@@ -68,9 +69,9 @@ function define(text) {
       init() {
         this.jsonInit({
           type: row.name, message0: text(row.texts), args0: row.args.map((arg, index) => argument(arg, index, text)),
-          inputsInline: true, style: row.group, tooltip: ranges.join("; "), ...connections,
+          inputsInline: true, style: `easy_${row.group}`, tooltip: ranges.join("; "), ...connections,
         });
-        if (row.name === "number") {
+        if (row.name === "easy_number") {
           this.getField("A0").setValidator((number) => limit(this, number));
         }
       },
@@ -95,7 +96,7 @@ function theme() {
   const groups = Object.entries(GROUPS);
   return Blockly.Theme.defineTheme("spykee", {
     name: "spykee",
-    blockStyles: Object.fromEntries(groups.map(([group, { colour }]) => [group, { colourPrimary: colour, hat: group === "events" ? "cap" : "" }])),
+    blockStyles: Object.fromEntries(groups.map(([group, { colour }]) => [`easy_${group}`, { colourPrimary: colour, hat: group === "events" ? "cap" : "" }])),
     categoryStyles: Object.fromEntries(groups.map(([group, { colour }]) => [group, { colour }])),
     componentStyles: {
       workspaceBackgroundColour: "var(--paper)", toolboxBackgroundColour: "var(--card)", toolboxForegroundColour: "var(--ink)",
@@ -118,7 +119,7 @@ export function blocks(parent, { state = EMPTY, onChange = () => {}, readOnly = 
   // Keys typed here are no commands of the page. It hears Escape in the capture phase.
   host.addEventListener("keydown", (event) => event.stopPropagation());
   const workspace = withStyles(() => Blockly.inject(host, {
-    toolbox: toolbox(text), theme: theme(), renderer: "zelos", readOnly, sounds: false, trashcan: false, maxInstances: { start: 1 },
+    toolbox: toolbox(text), theme: theme(), renderer: "zelos", readOnly, sounds: false, trashcan: false, maxInstances: { easy_start: 1 },
     move: { scrollbars: true, drag: true, wheel: true }, zoom: { pinch: true, startScale: 0.8 },
   }));
   workspace.registerButtonCallback("variable", () => Blockly.Variables.createVariableButtonHandler(workspace));

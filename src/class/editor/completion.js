@@ -69,6 +69,9 @@ export function complete(entries) {
     const groups = where.exec(before).slice(1);
     const options = find(entries, context.state.doc.toString(), groups[0]);
     const typed = groups.at(-1) ?? "";
-    return options.length === 0 ? null : { from: context.pos - typed.length, options, validFor: /^\w*$/ };
+    // Enter after a whole word is a new line.
+    const whole = (word) => options.some(({ label }) => label === word);
+    return whole(typed) || options.length === 0 ? null
+      : { from: context.pos - typed.length, options, validFor: (word) => /^\w*$/.test(word) && !whole(word) };
   };
 }

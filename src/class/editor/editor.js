@@ -22,13 +22,13 @@ const TEXTS = {
     "Tab fa rientrare. Per uscire con la tastiera: Esc, poi Tab. F8 va al prossimo errore.",
   ],
   line: ["Line", "Zeile", "Riga"],
-  mistakes: ["mistakes", "Fehler", "errori"],
+  mistakes: ["Mistakes", "Fehler", "Errori"],
 };
 const text = (key) => TEXTS[key][Math.max(0, LANGUAGES.indexOf(document.documentElement.lang))];
 
 const theme = EditorView.theme({
   "&": { height: "100%", background: "var(--card)", color: "var(--ink)", fontSize: "16px" },
-  "&.cm-focused": { outline: "3px solid var(--accent)", outlineOffset: "-3px" },
+  "&.cm-focused": { outline: "3px solid var(--accent)", outlineOffset: "0" },
   ".cm-scroller": { overflow: "auto", lineHeight: "1.55", fontFamily: "ui-monospace, \"DejaVu Sans Mono\", Consolas, monospace" },
   ".cm-content": { caretColor: "var(--ink)", padding: "8px 0" },
   ".cm-cursor": { borderLeft: "2px solid var(--ink)" },
@@ -36,7 +36,7 @@ const theme = EditorView.theme({
   ".cm-gutters": { background: "var(--paper)", color: "var(--quiet)", borderColor: "var(--line)" },
   ".cm-activeLine, .cm-activeLineGutter": { background: "var(--accent-soft)" },
   ".cm-activeLine": { background: "color-mix(in srgb, var(--accent-soft) 45%, transparent)" },
-  ".cm-running": { background: "color-mix(in srgb, var(--lamp) 30%, transparent)", boxShadow: "inset 4px 0 var(--lamp)" },
+  ".cm-running": { background: "color-mix(in srgb, var(--lamp) 18%, transparent)", boxShadow: "inset 4px 0 var(--lamp)" },
   "&.cm-focused .cm-matchingBracket, .cm-matchingBracket": { background: "none", outline: "1px solid var(--accent)" },
   "&.cm-focused .cm-nonmatchingBracket": { background: "var(--danger-soft)", color: "var(--danger)" },
   ".cm-panels, .cm-tooltip": { background: "var(--card)", color: "var(--ink)", borderColor: "var(--line)" },
@@ -110,7 +110,7 @@ function status(view) {
     forEachDiagnostic(state, (one, from) => all.push({ ...one, from }));
     const mark = all.find(({ from }) => from >= here.from && from <= here.to);
     const sentence = mark ? `${text("line")} ${here.number}: ${[mark.message, mark.help].filter(Boolean).join(" – ")}`
-      : all.length > 0 ? `${all.length} ${text("mistakes")}. ${text("keys")}` : text("keys");
+      : all.length > 0 ? `${text("mistakes")}: ${all.length}. ${text("keys")}` : text("keys");
     dom.classList.toggle("cm-bad", Boolean(mark));
     if (dom.textContent !== sentence) {
       dom.textContent = sentence;
@@ -140,7 +140,7 @@ export function editor(parent, { text: first = "", readOnly = false, label = "",
         autocompletion({ override: [complete(completions)], icons: false }),
         keymap.of([...closeBracketsKeymap, ...completionKeymap, ...lintKeymap, ...defaultKeymap, ...historyKeymap, indentWithTab]),
         showPanel.of(status), EditorState.readOnly.of(readOnly),
-        EditorView.contentAttributes.of({ "aria-label": label, "aria-description": text("keys"), "aria-readonly": String(readOnly) }),
+        EditorView.contentAttributes.of({ tabindex: "0", "aria-label": label, "aria-description": text("keys"), "aria-readonly": String(readOnly) }),
         EditorView.updateListener.of(({ docChanged, state, transactions }) => {
           if (docChanged && !transactions.some((one) => one.annotation(byPage))) {
             onChange(state.doc.toString());

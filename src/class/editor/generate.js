@@ -112,7 +112,7 @@ class Writer {
 export function generate({ blocks = {}, variables = [] } = {}) {
   const writer = new Writer(variables);
   const hats = (blocks.blocks ?? []).filter(({ type }) => BLOCKS.get(type)?.hat).sort((one, other) => (one.y ?? 0) - (other.y ?? 0));
-  const parts = [hats.filter(({ type }) => type !== "start"), hats.filter(({ type }) => type === "start")].flat().map((hat) => {
+  const parts = [hats.filter(({ type }) => type !== "easy_start"), hats.filter(({ type }) => type === "easy_start")].flat().map((hat) => {
     writer.lines = [];
     writer.block(hat, 0);
     return writer.lines;

@@ -5,7 +5,11 @@ import { StreamLanguage } from "@codemirror/language";
 const words = (text) => new Set(text.split(" "));
 export const KEYWORDS = words("and break continue do else elseif end for function if in local not or repeat return then until while");
 const ATOMS = words("false nil true");
-const OPENS = words("do function repeat then ( [ {");
+/** What opens a block or a bracket, and how the line begins that closes it. */
+const OPENS = {
+  do: /^\s*end\b/, function: /^\s*end\b/, then: /^\s*(?:end\b|else)/, repeat: /^\s*until\b/,
+  "(": /^\s*\)/, "[": /^\s*\]/, "{": /^\s*\}/,
+};
 const CLOSES = words("end until elseif ) ] }");
 const ESCAPE = /^\\(?:z\s*|x[\da-fA-F]{2}|u\{[\da-fA-F]+\}|\d{1,3}|.?)/;
 
@@ -34,12 +38,28 @@ function begin(stream, state, end, style, escapes) {
   return state.inside(stream, state);
 }
 
+/** What is open indents by one step from its own line. */
+function nest(stream, state, sign) {
+  if (CLOSES.has(sign)) {
+    state.open.pop();
+  }
+  if (Object.hasOwn(OPENS, sign)) {
+    state.open.push({ sign, indentation: stream.indentation() });
+  }
+}
+
 function word(stream, state) {
   const [found] = stream.match(/^[A-Za-z_]\w*/);
-  const member = state.before === "." || state.before === ":";
+  const before = state.before;
+  const member = before === "." || before === ":";
   state.before = found;
   if (!member && KEYWORDS.has(found)) {
-    state.depth += Number(OPENS.has(found)) - Number(CLOSES.has(found));
+    // An `if` within an expression has no `end`.
+    if (found === "if") {
+      state.expression = /^(?:[=(,{[<>+\-*/]|return|and|or|not)$/.test(before);
+    } else if (found !== "then" || !state.expression) {
+      nest(stream, state, found);
+    }
     return "keyword";
   }
   if (!member && ATOMS.has(found)) {
@@ -75,15 +95,18 @@ function token(stream, state) {
   if (sign === "\"" || sign === "'" || sign === "`") {
     return begin(stream, state, sign, "string", true);
   }
-  state.depth = Math.max(0, state.depth + Number(OPENS.has(sign)) - Number(CLOSES.has(sign)));
+  nest(stream, state, sign);
   return /[()[\]{}]/.test(sign) ? "bracket" : /[,;.:]/.test(sign) ? "punctuation" : "operator";
 }
 
 export const luau = StreamLanguage.define({
   name: "luau",
-  startState: () => ({ inside: null, before: "", depth: 0 }),
+  startState: () => ({ inside: null, before: "", open: [], expression: false }),
   token,
-  indent: (state, after, { unit }) => Math.max(0, state.depth - Number(/^\s*(?:end\b|until\b|else|[)\]}])/.test(after))) * unit,
+  indent({ open }, after, { unit }) {
+    const last = open.at(-1);
+    return last === undefined ? 0 : last.indentation + (OPENS[last.sign].test(after) ? 0 : unit);
+  },
   languageData: {
     closeBrackets: { brackets: ["(", "[", "{", "\"", "`"] },
     commentTokens: { line: "--" },

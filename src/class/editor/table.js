@@ -3,8 +3,8 @@
 
 export const LANGUAGES = ["en", "de", "it"];
 
-const number = (usual, low, high) => ({ type: "input_value", check: "Number", usual: { type: "number", fields: { A0: usual } }, low, high, empty: "0" });
-const words = (usual) => ({ type: "input_value", usual: { type: "text", fields: { A0: usual } }, empty: "\"\"" });
+const number = (usual, low, high) => ({ type: "input_value", check: "Number", usual: { type: "easy_number", fields: { A0: usual } }, low, high, empty: "0" });
+const words = (usual) => ({ type: "input_value", usual: { type: "easy_text", fields: { A0: usual } }, empty: "\"\"" });
 const condition = { type: "input_value", check: "Boolean", empty: "false" };
 const body = { type: "input_statement" };
 const variable = { type: "field_variable", variable: "n" };
@@ -50,7 +50,7 @@ const ROWS = [
   ["wait", "loops", WAITS, ["wait for %1 seconds", "warte %1 Sekunden", "aspetta %1 secondi"], "easy.wait({0})", number(1, 0, 3600)],
   ["wait_until", "loops", { order: 7 }, ["wait until %1", "warte, bis %1", "aspetta finché %1"], "while not {0} do\n\teasy.wait(0.1)\nend", condition],
   ["repeat", "loops", {}, ["repeat %1 times %2", "wiederhole %1 Mal %2", "ripeti %1 volte %2"], "for {count} = 1, {0} do\n{1}\nend", number(4, 0, 1000), body],
-  ["forever", "loops", LOOP, ["for ever %1", "für immer %1", "per sempre %1"], "while true do\n{0}\nend", body],
+  ["forever", "loops", LOOP, ["forever %1", "für immer %1", "per sempre %1"], "while true do\n{0}\nend", body],
   ["while", "loops", LOOP, ["as long as %1 %2", "solange %1 %2", "finché è vero %1 %2"], "while {0} do\n{1}\nend", condition, body],
   ["until", "loops", { ...LOOP, order: 7 }, ["until %1 %2", "bis %1 %2", "fino a quando %1 %2"], "while not {0} do\n{1}\nend", condition, body],
 
@@ -70,7 +70,11 @@ const ROWS = [
   ["get", "variables", value("Number"), ["%1", "%1", "%1"], "{0}", variable],
 ];
 
-export const BLOCKS = new Map(ROWS.map(([name, group, traits, texts, code, ...args]) => [name, { name, group, texts, code, args, ...traits }]));
+export const BLOCKS = new Map(ROWS.map(([key, group, traits, texts, code, ...args]) => {
+  // Blockly makes classes of names and groups: the prefix keeps them apart from those of the page.
+  const name = `easy_${key}`;
+  return [name, { name, group, texts, code, args, ...traits }];
+}));
 
 /** Groups with their name and colour, on which white text is readable. */
 export const GROUPS = {
