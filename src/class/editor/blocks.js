@@ -17,16 +17,17 @@ const EMPTY = { blocks: { languageVersion: 0, blocks: [{ type: "easy_start", x: 
 
 const STYLE = `
 .blocklyComputeCanvas { display: none; }
-.blocks .blocklyToolbox { padding: 8px 0; border-right: 1px solid var(--line); font-size: 0.9375rem; }
-.blocks .blocklyToolboxCategory { height: auto; min-height: 40px; padding: 8px 12px; line-height: 1.3; }
-.blocks .blocklyTreeLabel, .blocks .blocklyToolboxCategoryLabel { font: inherit; }
-.blocks .blocklyHighlighted > .blocklyPath { stroke: var(--lamp); stroke-width: 5px; filter: none; }
-.blocks input.blocklyHtmlInput { min-height: 0; padding: 0; border-radius: 99px; background: #fff; color: #1b2324; }
-.blocks .blocklyWidgetDiv .blocklyMenu { background: var(--card); color: var(--ink); border-color: var(--field); }
-.blocks .blocklyMenuItemSelected .blocklyMenuItemCheckbox::before { content: "✓"; }
-.blocks .blocklyDropDownDiv .blocklyMenuItem { min-height: 36px; align-content: center; }
-.blocks .blocklyFlyoutLabelText, .blocks .blocklyFlyoutButton .blocklyText { fill: var(--ink); }
-.blocks .blocklyFlyoutButton .blocklyFlyoutButtonBackground { fill: var(--card); stroke: var(--field); }
+.spykee-blocks .blocklyToolbox { padding: 8px 0; border-right: 1px solid var(--line); font-size: 0.9375rem; }
+.spykee-blocks .blocklyToolboxCategory { height: auto; min-height: 40px; padding: 8px 12px; line-height: 1.3; }
+.spykee-blocks .blocklyTreeLabel, .spykee-blocks .blocklyToolboxCategoryLabel { font: inherit; }
+.spykee-blocks .blocklyHighlighted > .blocklyPath { stroke: var(--lamp); stroke-width: 5px; filter: none; }
+.spykee-blocks input.blocklyHtmlInput { min-height: 0; padding: 0; border-radius: 99px; background: #fff; color: #1b2324; }
+.spykee-blocks .blocklyWidgetDiv .blocklyMenu { background: var(--card); color: var(--ink); border-color: var(--field); }
+.spykee-blocks .blocklyWidgetDiv .blocklyMenuItemContent { color: var(--ink); }
+.spykee-blocks .blocklyMenuItemSelected .blocklyMenuItemCheckbox::before { content: "✓"; }
+.spykee-blocks .blocklyDropDownDiv .blocklyMenuItem { min-height: 36px; align-content: center; }
+.spykee-blocks .blocklyFlyoutLabelText, .spykee-blocks .blocklyFlyoutButton .blocklyText { fill: var(--ink); }
+.spykee-blocks .blocklyFlyoutButton .blocklyFlyoutButtonBackground { fill: var(--card); stroke: var(--field); }
 `;
 
 /** Blockly makes elements for its styles, which the page's policy forbids: this gives their text to the document. */
@@ -107,31 +108,40 @@ function theme() {
 }
 
 /** Makes a workspace of blocks in `parent`. `onChange` gets the state, its Luau, and the block of each line of that. */
-export function blocks(parent, { state = EMPTY, onChange = () => {}, readOnly = false }) {
+export function blocks(parent, { state, onChange = () => {}, readOnly = false }) {
   const language = Math.max(0, LANGUAGES.indexOf(document.documentElement.lang));
   const text = (texts) => texts[language] ?? texts[0];
   Blockly.setLocale([en, de, it][language]);
   define(text);
   const host = document.createElement("div");
-  host.className = "blocks";
+  host.className = "spykee-blocks";
   host.style.height = "100%";
   parent.append(host);
   // Keys typed here are no commands of the page. It hears Escape in the capture phase.
   host.addEventListener("keydown", (event) => event.stopPropagation());
   const workspace = withStyles(() => Blockly.inject(host, {
-    toolbox: toolbox(text), theme: theme(), renderer: "zelos", readOnly, sounds: false, trashcan: false, maxInstances: { easy_start: 1 },
+    toolbox: toolbox(text), theme: theme(), renderer: "zelos", readOnly, sounds: false, trashcan: false,
+    comments: false, collapse: false, disable: false, maxInstances: { easy_start: 1 },
     move: { scrollbars: true, drag: true, wheel: true }, zoom: { pinch: true, startScale: 0.8 },
   }));
   workspace.registerButtonCallback("variable", () => Blockly.Variables.createVariableButtonHandler(workspace));
-  Blockly.serialization.workspaces.load(state, workspace);
+  Blockly.serialization.workspaces.load(state ?? EMPTY, workspace);
   const now = () => Blockly.serialization.workspaces.save(workspace);
   let made = { state: now(), ...generate(now()) };
   workspace.addChangeListener(Blockly.Events.disableOrphans);
   workspace.addChangeListener((event) => {
-    const changed = event.isUiEvent || workspace.isDragging() ? made.state : now();
+    const done = event.type === Blockly.Events.BLOCK_DRAG || !event.isUiEvent;
+    const changed = done && !workspace.isDragging() ? now() : made.state;
     if (JSON.stringify(changed) !== JSON.stringify(made.state)) {
       made = { state: changed, ...generate(changed) };
       onChange(made.state, made.luau, made.blockOfLine);
+    }
+  });
+  host.addEventListener("focusin", ({ target }) => {
+    // Blockly gives the fields that one types into no name.
+    const node = Blockly.getFocusManager().getFocusedNode();
+    if (target.matches("input.blocklyHtmlInput") && node instanceof Blockly.BlockSvg) {
+      target.setAttribute("aria-label", (node.getParent() ?? node).toString());
     }
   });
   const size = new ResizeObserver(() => Blockly.svgResize(workspace));

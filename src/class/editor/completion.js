@@ -26,7 +26,7 @@ function call(key, { signature }) {
 }
 
 function option(entry, key) {
-  const callable = entry.signature?.includes("(") && !["event", "module", "object"].includes(entry.kind);
+  const callable = entry.signature?.includes("(") && entry.kind !== "event";
   return { label: key, info: () => info(entry), apply: callable ? call(key, entry) : undefined, type: entry.kind };
 }
 
@@ -39,7 +39,6 @@ function aliases(code) {
 const WHERE = [
   // What is before the cursor, and which entries fit there by which of their names.
   [/\brobot\.(?:on|once|wait_for)\s*\(\s*["'](\w*)$/, (entries) => entries.filter(({ kind }) => kind === "event").map((one) => option(one, one.name))],
-  [/\brequire\s*\(?\s*["']@spykee\/(\w*)$/, (entries) => entries.filter(({ kind }) => kind === "module").map((one) => option(one, one.name))],
   [/["'`][^"'`]*$/, () => []],
   [/\b(\w+)\.(\w*)$/, (entries, code, owner) => {
     const prefix = `${aliases(code)[owner] ?? owner}.`;
@@ -47,7 +46,7 @@ const WHERE = [
   }],
   [/:(\w*)$/, (entries) => entries.filter(({ name }) => name.includes(":")).map((one) => option(one, one.name.split(":")[1]))],
   [/(?<![.\w])([A-Za-z_]\w*)$/, (entries, code, typed) => {
-    const globals = entries.filter(({ name, kind }) => !/[.:]/.test(name) && !["event", "module", "object"].includes(kind));
+    const globals = entries.filter(({ name, kind }) => !/[.:]/.test(name) && kind !== "event");
     const spaces = entries.map(({ name }) => name.split(".")).filter((parts) => parts.length > 1).map(([space]) => space);
     const own = [...code.matchAll(/[A-Za-z_]\w+/g)].map(([word]) => word).filter((word) => word !== typed);
     const words = new Set([...KEYWORDS, "true", "false", "nil", "print", "robot", ...own, ...spaces.filter((space) => space === space.toLowerCase())]);

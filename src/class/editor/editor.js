@@ -31,6 +31,7 @@ const theme = EditorView.theme({
   "&.cm-focused": { outline: "3px solid var(--accent)", outlineOffset: "0" },
   ".cm-scroller": { overflow: "auto", lineHeight: "1.55", fontFamily: "ui-monospace, \"DejaVu Sans Mono\", Consolas, monospace" },
   ".cm-content": { caretColor: "var(--ink)", padding: "8px 0" },
+  ".cm-content, .cm-gutter": { minHeight: "18rem" },
   ".cm-cursor": { borderLeft: "2px solid var(--ink)" },
   "&.cm-focused > .cm-scroller > .cm-selectionLayer .cm-selectionBackground, .cm-selectionBackground": { background: "var(--grid)" },
   ".cm-gutters": { background: "var(--paper)", color: "var(--quiet)", borderColor: "var(--line)" },
@@ -40,11 +41,11 @@ const theme = EditorView.theme({
   "&.cm-focused .cm-matchingBracket, .cm-matchingBracket": { background: "none", outline: "1px solid var(--accent)" },
   "&.cm-focused .cm-nonmatchingBracket": { background: "var(--danger-soft)", color: "var(--danger)" },
   ".cm-panels, .cm-tooltip": { background: "var(--card)", color: "var(--ink)", borderColor: "var(--line)" },
-  ".cm-tooltip": { border: "1px solid var(--field)", borderRadius: "8px", maxWidth: "min(92vw, 34rem)", overflow: "hidden" },
+  ".cm-tooltip": { border: "1px solid var(--field)", borderRadius: "8px", maxWidth: "min(92vw, 34rem)" },
   ".cm-tooltip.cm-tooltip-autocomplete > ul": { fontFamily: "inherit", maxHeight: "14rem" },
   ".cm-tooltip.cm-tooltip-autocomplete > ul > li": { padding: "6px 12px" },
   ".cm-tooltip.cm-tooltip-autocomplete > ul > li[aria-selected]": { background: "var(--accent)", color: "var(--on-accent)" },
-  ".cm-completionInfo": { padding: "8px 12px", font: "0.9375rem/1.5 system-ui, sans-serif" },
+  ".cm-completionInfo": { padding: "8px 12px", width: "max-content", font: "0.9375rem/1.5 system-ui, sans-serif" },
   ".cm-signature": { display: "block", fontFamily: "ui-monospace, monospace", color: "var(--accent)", overflowWrap: "anywhere" },
   ".cm-diagnostic": { padding: "8px 12px", font: "0.9375rem/1.5 system-ui, sans-serif" },
   ".cm-help": { display: "block", color: "var(--quiet)" },
@@ -123,7 +124,7 @@ function status(view) {
 /** Makes an editor in `parent`: see the calls that it returns. */
 export function editor(parent, { text: first = "", readOnly = false, label = "", onChange = () => {}, completions = [] }) {
   const host = document.createElement("div");
-  host.className = "editor";
+  host.className = "spykee-editor";
   host.style.height = "100%";
   parent.append(host);
   const root = host.attachShadow({ mode: "open" });
@@ -136,7 +137,7 @@ export function editor(parent, { text: first = "", readOnly = false, label = "",
       doc: first,
       extensions: [
         luau, theme, colours, running, history(), lineNumbers(), drawSelection(), indentUnit.of("\t"), EditorState.tabSize.of(4),
-        indentOnInput(), bracketMatching(), closeBrackets(), lintGutter(), highlightActiveLine(), highlightActiveLineGutter(),
+        indentOnInput(), bracketMatching(), EditorView.lineWrapping, closeBrackets(), lintGutter(), highlightActiveLine(), highlightActiveLineGutter(),
         autocompletion({ override: [complete(completions)], icons: false }),
         keymap.of([...closeBracketsKeymap, ...completionKeymap, ...lintKeymap, ...defaultKeymap, ...historyKeymap, indentWithTab]),
         showPanel.of(status), EditorState.readOnly.of(readOnly),
@@ -165,6 +166,7 @@ export function editor(parent, { text: first = "", readOnly = false, label = "",
     showLine(line) {
       const at = position(view.state.doc, line, 1);
       view.dispatch({ selection: { anchor: at }, effects: EditorView.scrollIntoView(at, { y: "center" }) });
+      view.focus();
     },
     highlightLine(line) {
       view.dispatch({ effects: setRunning.of(line) });

@@ -22,7 +22,7 @@ const COLOURS = choice("red", "orange", "yellow", "green", "cyan", "blue", "mage
 
 const ROWS = [
   ["start", "events", HAT, ["when the program starts", "wenn das Programm beginnt", "quando il programma parte"], "{next}"],
-  ["event", "events", HAT, ["whenever: %1", "jedes Mal: %1", "ogni volta: %1"], "robot.on(\"{0}\", function()\n{next}\nend)",
+  ["event", "events", HAT, ["whenever %1", "jedes Mal, wenn %1", "ogni volta che %1"], "robot.on(\"{0}\", function()\n{next}\nend)",
     choice("noise", "battery_low", "charging", "charged", "docked", "undocked", "sound_finished")],
 
   ["drive", "moving", WAITS, ["drive %1 centimetres", "fahre %1 Zentimeter", "avanza di %1 centimetri"], "easy.drive({0})", number(40, -1000, 1000)],
@@ -35,7 +35,7 @@ const ROWS = [
   ["go_home", "moving", WAITS, ["drive to the charging station", "fahre zur Ladestation", "vai alla base di ricarica"], "easy.go_home()"],
   ["leave_home", "moving", WAITS, ["leave the charging station", "verlasse die Ladestation", "lascia la base di ricarica"], "easy.leave_home()"],
 
-  ["light", "lights", {}, ["light %1: %2", "Licht %1: %2", "luce %1: %2"], "easy.light(\"{0}\", \"{1}\")", choice("left", "right", "flash", "all"), choice("on", "off")],
+  ["light", "lights", {}, ["switch light %1 %2", "schalte Licht %1 %2", "luce %1 %2"], "easy.light(\"{0}\", \"{1}\")", choice("left", "right", "flash", "all"), choice("on", "off")],
   ["sound", "lights", {}, ["play the sound %1", "spiele den Ton %1", "suona %1"], "easy.sound(\"{0}\")",
     choice("bip_2", "bip_3", "bip_4", "laugh", "laser", "alarm", "bomb", "engine", "robot", "snapshot", "music")],
   ["print", "lights", {}, ["print %1", "schreibe %1", "scrivi %1"], "print({0})", words("hello")],
@@ -43,7 +43,7 @@ const ROWS = [
 
   ["look", "seeing", WAITS, ["look for something %1", "suche etwas in %1", "cerca qualcosa di %1"], "thing = easy.see(\"{0}\")", COLOURS],
   ["found", "seeing", value("Boolean", 3), ["it found something", "es hat etwas gefunden", "ha trovato qualcosa"], "thing ~= nil"],
-  ["where", "seeing", value("Boolean", 2), ["it is: %1", "es ist: %1", "è: %1"], "thing and thing.where == \"{0}\"", choice("left", "middle", "right")],
+  ["where", "seeing", value("Boolean", 2), ["it is %1", "es ist %1", "è %1"], "thing and thing.where == \"{0}\"", choice("left", "middle", "right")],
   ["size", "seeing", value("Number"), ["its size in %% of the picture", "seine Größe in %% des Bildes", "la sua grandezza in %% dell'immagine"], "(if thing then thing.size else 0)"],
   ["battery", "seeing", value("Number"), ["battery in %%", "Akku in %%", "batteria in %%"], "easy.battery()"],
 
@@ -95,10 +95,10 @@ export const WORDS = {
   and: ["and", "und", "e"], or: ["or", "oder", "o"], "==": ["="], "~=": ["≠"], "<=": ["≤"], ">=": ["≥"], "*": ["×"], "/": ["÷"], "-": ["−"],
   red: ["red", "Rot", "rosso"], orange: ["orange", "Orange", "arancione"], yellow: ["yellow", "Gelb", "giallo"], green: ["green", "Grün", "verde"],
   cyan: ["cyan", "Türkis", "ciano"], blue: ["blue", "Blau", "blu"], magenta: ["magenta", "Magenta", "magenta"],
-  noise: ["it hears a noise", "er hört ein Geräusch", "sente un rumore"], battery_low: ["its battery is low", "sein Akku ist schwach", "la batteria è scarica"],
-  charging: ["charging begins or ends", "das Laden beginnt oder endet", "la ricarica inizia o finisce"], charged: ["its battery is full", "sein Akku ist voll", "la batteria è carica"],
-  docked: ["it comes to its station", "er kommt auf seine Station", "arriva alla base"], undocked: ["it leaves its station", "er verlässt seine Station", "lascia la base"],
-  sound_finished: ["the music is over", "die Musik ist zu Ende", "la musica è finita"],
+  noise: ["it hears a noise", "er ein Geräusch hört", "sente un rumore"], battery_low: ["its battery is low", "sein Akku schwach ist", "la batteria è scarica"],
+  charging: ["charging begins or ends", "das Laden beginnt oder endet", "la ricarica inizia o finisce"], charged: ["its battery is full", "sein Akku voll ist", "la batteria è carica"],
+  docked: ["it comes to its station", "er auf seine Station kommt", "arriva alla base"], undocked: ["it leaves its station", "er seine Station verlässt", "lascia la base"],
+  sound_finished: ["the music is over", "die Musik zu Ende ist", "la musica è finita"],
   bip_2: ["beep", "Piep", "bip"], bip_3: ["beep 3"], bip_4: ["beep 4"], laugh: ["laugh", "Lachen", "risata"], laser: ["laser", "Laser", "laser"],
   alarm: ["alarm", "Alarm", "allarme"], bomb: ["bomb", "Bombe", "bomba"], engine: ["engine", "Motor", "motore"], robot: ["robot", "Roboter", "robot"],
   snapshot: ["camera", "Kamera", "fotocamera"], music: ["music", "Musik", "musica"],
