@@ -181,6 +181,14 @@ const PROMISES = {
     assert.equal(await page.evaluate("it.text"), "one");
     await page.evaluate("it.setText(Array.from({ length: 300 }, (_, n) => `print(${n})`).join('\\n')), it.highlightLine(250), it.showLine(250)");
     assert.equal(await page.locator(".cm-running").textContent(), "print(249)");
+    for (const text of ["`-- 1\\n${it.text}`", "it.text.replace('print(0)', 'print(00)')", "`${it.text}\\n-- 2`"]) {
+      await page.evaluate(`it.setText(${text})`);
+      assert.equal(await page.locator(".cm-running").textContent(), "print(249)");
+      assert.equal(await page.locator(".cm-activeLine").textContent(), "print(249)");
+    }
+    assert.match(await page.evaluate("it.text"), /^-- 1\nprint\(00\)\nprint\(1\)\n[^]*print\(299\)\n-- 2$/);
+    await page.evaluate("it.setText('aa'), it.setText('aaa'), it.setText('a'), it.setText('')");
+    assert.equal(await page.evaluate("it.text"), "");
     await page.evaluate("it.highlightLine(null), it.highlightLine(4000)");
     assert.equal(await page.locator(".cm-running").count(), 0);
     assert.equal(await page.evaluate("window.changed"), undefined);

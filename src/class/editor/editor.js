@@ -86,6 +86,20 @@ function element(name, className, content) {
   return made;
 }
 
+/** The one change from a text to another: what is before and behind it, cursors too, stays. */
+function difference(old, changed) {
+  const most = Math.min(old.length, changed.length);
+  let from = 0;
+  while (from < most && old[from] === changed[from]) {
+    from += 1;
+  }
+  let behind = 0;
+  while (behind < most - from && old.at(-1 - behind) === changed.at(-1 - behind)) {
+    behind += 1;
+  }
+  return { from, to: old.length - behind, insert: changed.slice(from, changed.length - behind) };
+}
+
 /** A place in a line, whose columns count characters from 1. */
 function position(doc, line, column) {
   const { from, text: code } = doc.line(Math.min(Math.max(line, 1), doc.lines));
@@ -156,9 +170,7 @@ export function editor(parent, { text: first = "", readOnly = false, label = "",
       return view.state.doc.toString();
     },
     setText(changed) {
-      if (changed !== view.state.doc.toString()) {
-        view.dispatch({ changes: { from: 0, to: view.state.doc.length, insert: changed }, annotations: byPage.of(true) });
-      }
+      view.dispatch({ changes: difference(view.state.doc.toString(), changed), annotations: byPage.of(true) });
     },
     setMarks(marks) {
       view.dispatch(setDiagnostics(view.state, marks.map((mark) => diagnostic(view.state.doc, mark))));
