@@ -149,6 +149,14 @@ const PROMISES = {
     await page.keyboard.press("ArrowLeft");
     await page.keyboard.type("\nelse\nend\nend");
     await changed(page, "local e = require(\"@spykee/easy\")\ne.forward(2)\nrobot.on(\"noise\", function()\n\tx += if a then 1 else 2 -- it\n\tif x then\n\t\tfoo({\n\t\t\t1,\n\t\t})\n\telse\n\tend\nend)");
+    await page.evaluate("it.setText('')");
+    await page.keyboard.type("print(\"robot. -- \") -- robot.\nprint('a') rob");
+    await take(page, "robot");
+    await page.keyboard.type(".led");
+    await page.keyboard.press("Enter");
+    await page.keyboard.type("i");
+    await page.keyboard.press("Enter");
+    await changed(page, "print(\"robot. -- \") -- robot.\nprint('a') robot.led\ni\n");
     await page.keyboard.press("Tab");
     await page.keyboard.press("Escape");
     await page.keyboard.press("Tab");

@@ -1,6 +1,7 @@
 // Completion from the table of the API: `[{name, kind, signature, doc}]`, such as `robot.move` or the event `noise`.
 
 import { insertCompletionText, pickedCompletion } from "@codemirror/autocomplete";
+import { syntaxTree } from "@codemirror/language";
 import { KEYWORDS } from "./luau.js";
 
 /** Signature and description; the texts stay text. */
@@ -36,32 +37,34 @@ function aliases(code) {
   return Object.fromEntries([...found].map(([, alias, module]) => [alias, module]));
 }
 
-const WHERE = [
-  // What is before the cursor, and which entries fit there by which of their names.
-  [/\brobot\.(?:on|once|wait_for)\s*\(\s*["'](\w*)$/, (entries) => entries.filter(({ kind }) => kind === "event").map((one) => option(one, one.name))],
-  [/["'`][^"'`]*$/, () => []],
-  [/\b(\w+)\.(\w*)$/, (entries, code, owner) => {
-    const prefix = `${aliases(code)[owner] ?? owner}.`;
-    return entries.filter(({ name }) => name.startsWith(prefix)).map((one) => option(one, one.name.slice(prefix.length)));
-  }],
-  [/:(\w*)$/, (entries) => entries.filter(({ name }) => name.includes(":")).map((one) => option(one, one.name.split(":")[1]))],
-  [/(?<![.\w])([A-Za-z_]\w*)$/, (entries, code, typed) => {
-    const globals = entries.filter(({ name, kind }) => !/[.:]/.test(name) && kind !== "event");
-    const spaces = entries.map(({ name }) => name.split(".")).filter((parts) => parts.length > 1).map(([space]) => space);
-    const own = [...code.matchAll(/[A-Za-z_]\w+/g)].map(([word]) => word).filter((word) => word !== typed);
-    const words = new Set([...KEYWORDS, "true", "false", "nil", "print", "robot", ...own, ...spaces.filter((space) => space === space.toLowerCase())]);
-    const known = new Set(globals.map(({ name }) => name));
-    return [...globals.map((one) => option(one, one.name)), ...[...words].filter((word) => !known.has(word)).map((label) => ({ label }))];
-  }],
-];
+/** What is before the cursor, and what fits there: in strings, and elsewhere. */
+const PLACES = {
+  string: [[/\brobot\.(?:on|once|wait_for)\s*\(\s*["'](\w*)$/, (entries) => entries.filter(({ kind }) => kind === "event").map((one) => option(one, one.name))]],
+  comment: [],
+  code: [
+    [/\b(\w+)\.(\w*)$/, (entries, code, owner) => {
+      const prefix = `${aliases(code)[owner] ?? owner}.`;
+      return entries.filter(({ name }) => name.startsWith(prefix)).map((one) => option(one, one.name.slice(prefix.length)));
+    }],
+    [/:(\w*)$/, (entries) => entries.filter(({ name }) => name.includes(":")).map((one) => option(one, one.name.split(":")[1]))],
+    [/(?<![.\w])([A-Za-z_]\w+)$/, (entries, code, typed) => {
+      const globals = entries.filter(({ name, kind }) => !/[.:]/.test(name) && kind !== "event");
+      const spaces = entries.map(({ name }) => name.split(".")).filter((parts) => parts.length > 1).map(([space]) => space);
+      const own = [...code.matchAll(/[A-Za-z_]\w+/g)].map(([word]) => word).filter((word) => word !== typed);
+      const words = new Set([...KEYWORDS, "true", "false", "nil", "print", "robot", ...own, ...spaces]);
+      globals.forEach(({ name }) => words.delete(name));
+      return [...globals.map((one) => option(one, one.name)), ...[...words].map((label) => ({ label }))];
+    }],
+  ],
+};
 
 /** A source of completions for CodeMirror. */
 export function complete(entries) {
   return (context) => {
     const line = context.state.doc.lineAt(context.pos);
     const before = line.text.slice(0, context.pos - line.from);
-    const comment = /^[^"'`]*--/.test(before);
-    const [where, find] = comment ? [] : WHERE.find(([pattern]) => pattern.test(before)) ?? [];
+    const places = PLACES[syntaxTree(context.state).resolveInner(context.pos, -1).name] ?? PLACES.code;
+    const [where, find] = places.find(([pattern]) => pattern.test(before)) ?? [];
     if (!where) {
       return null;
     }
