@@ -18,8 +18,9 @@ const EMPTY = { blocks: { languageVersion: 0, blocks: [{ type: "easy_start", x: 
 const STYLE = `
 .blocklyComputeCanvas { display: none; }
 .spykee-blocks .blocklyToolbox { padding: 8px 0; border-right: 1px solid var(--line); font-size: 0.9375rem; }
-.spykee-blocks .blocklyToolboxCategory { height: auto; min-height: 40px; padding: 8px 12px; line-height: 1.3; }
-.spykee-blocks .blocklyTreeLabel, .spykee-blocks .blocklyToolboxCategoryLabel { font: inherit; }
+.spykee-blocks .blocklyToolboxCategory { height: auto; min-height: 40px; padding: 8px; line-height: 1.3; }
+.spykee-blocks .blocklyToolboxCategoryIcon { display: none; }
+.spykee-blocks .blocklyToolboxCategoryLabel { display: inline-block; max-width: 6rem; font: inherit; white-space: normal; }
 .spykee-blocks .blocklyHighlighted > .blocklyPath { stroke: var(--lamp); stroke-width: 5px; filter: none; }
 .spykee-blocks input.blocklyHtmlInput { min-height: 0; padding: 0; border-radius: 99px; background: #fff; color: #1b2324; }
 .spykee-blocks .blocklyWidgetDiv .blocklyMenu { background: var(--card); color: var(--ink); border-color: var(--field); }
@@ -122,7 +123,7 @@ export function blocks(parent, { state, onChange = () => {}, readOnly = false })
   const workspace = withStyles(() => Blockly.inject(host, {
     toolbox: toolbox(text), theme: theme(), renderer: "zelos", readOnly, sounds: false, trashcan: false,
     comments: false, collapse: false, disable: false, maxInstances: { easy_start: 1 },
-    move: { scrollbars: true, drag: true, wheel: true }, zoom: { pinch: true, startScale: 0.8 },
+    move: { scrollbars: true, drag: true, wheel: true }, zoom: { pinch: true, startScale: 0.75 },
   }));
   workspace.registerButtonCallback("variable", () => Blockly.Variables.createVariableButtonHandler(workspace));
   Blockly.serialization.workspaces.load(state ?? EMPTY, workspace);

@@ -50,7 +50,7 @@ const theme = EditorView.theme({
   ".cm-diagnostic": { padding: "8px 12px", font: "0.9375rem/1.5 system-ui, sans-serif" },
   ".cm-help": { display: "block", color: "var(--quiet)" },
   ".cm-status": { padding: "4px 12px", borderTop: "1px solid var(--line)", color: "var(--quiet)", font: "0.875rem/1.5 system-ui, sans-serif" },
-  ".cm-status.cm-bad": { color: "var(--danger)" },
+  ".cm-status.cm-bad": { color: "var(--ink)", boxShadow: "inset 4px 0 var(--danger)" },
 });
 
 const colours = syntaxHighlighting(HighlightStyle.define([

@@ -26,9 +26,9 @@ const ROWS = [
     choice("noise", "battery_low", "charging", "charged", "docked", "undocked", "sound_finished")],
 
   ["drive", "moving", WAITS, ["drive %1 centimetres", "fahre %1 Zentimeter", "avanza di %1 centimetri"], "easy.drive({0})", number(40, -1000, 1000)],
-  ["forward", "moving", WAITS, ["forwards for %1 seconds with speed %2 %%", "vorwärts für %1 Sekunden mit Tempo %2 %%", "avanti per %1 secondi a velocità %2 %%"],
+  ["forward", "moving", WAITS, ["forwards %1 seconds, speed %2 %%", "vorwärts %1 Sekunden, Tempo %2 %%", "avanti %1 secondi, velocità %2 %%"],
     "easy.forward({0}, {1})", number(2, 0, 60), number(50, 1, 100)],
-  ["back", "moving", WAITS, ["backwards for %1 seconds with speed %2 %%", "rückwärts für %1 Sekunden mit Tempo %2 %%", "indietro per %1 secondi a velocità %2 %%"],
+  ["back", "moving", WAITS, ["backwards %1 seconds, speed %2 %%", "rückwärts %1 Sekunden, Tempo %2 %%", "indietro %1 secondi, velocità %2 %%"],
     "easy.back({0}, {1})", number(2, 0, 60), number(50, 1, 100)],
   ["turn", "moving", WAITS, ["turn %1 by %2 degrees", "drehe nach %1 um %2 Grad", "gira a %1 di %2 gradi"], "easy.{0}({1})", choice("left", "right"), number(90, -3600, 3600)],
   ["stop", "moving", {}, ["stop", "halte an", "fermati"], "easy.stop()"],
