@@ -15,7 +15,7 @@ mod run;
 mod run_status;
 mod world_change;
 
-pub use client::{AskError, Client, Remote, StopAnswer, StoppedRun, runs, stop_runs};
+pub use client::{AskError, Client, Remote, StopAnswer, StoppedRun, ask, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
 pub use folder::{ControlServer, guardian_socket};
 pub use request::{MAX_SPEECH, RunRequest};

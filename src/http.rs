@@ -40,7 +40,9 @@ use connections::{Connections, Place};
 
 pub use access::{Access, Refusal, Visitor};
 pub use keyring::{AccessError, Key, Keyring, Role};
-pub use middleware::{CAMERA, Me, guard_request, routes};
+pub use middleware::{
+    CAMERA, Me, ROLE, cookie, count_as_member, guard_request, routes, set_cookie,
+};
 
 /// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);

@@ -126,7 +126,8 @@
 //! | 8 | `service` | an agent that runs permanently: timetable, idle robot, systemd |
 //! | 8 | `mqtt` | the broker through which others see and command the robot, and find a fleet |
 //! | 8 | `scenario` | worlds, behaviours and expectations: runs `*_test.lua` files |
-//! | 9 | `cli` | one file per subcommand |
+//! | 9 | `class` | a class in the browser: learners' files and runs, the wall |
+//! | 10 | `cli` | one file per subcommand |
 //! | side | `sim` | a crate of its own: the simulated robot and its world; imports floor 0 only |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
@@ -134,6 +135,7 @@ pub mod agent;
 pub mod api;
 pub mod behaviour;
 pub mod check;
+pub mod class;
 pub mod cli;
 pub mod clock;
 pub mod config;

@@ -142,10 +142,40 @@ pub fn colour_sequence_len(text: &str) -> Option<usize> {
     Some("\x1b[".len() + end + 1)
 }
 
+/// Characters that start a formula; some programs also accept their East Asian wide forms.
+const FORMULAS: [char; 8] = [
+    '=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
+];
+
+/// A CSV cell: quoted if necessary, and never read as a formula, since the text is untrusted.
+pub fn csv_cell(text: &str) -> String {
+    let mut text = self::text(text, false).replace(['\n', '\r', '\t'], " ");
+    if text.starts_with(FORMULAS) {
+        text.insert(0, '\'');
+    }
+    if text.contains([',', '"', ';']) {
+        text = format!("\"{}\"", text.replace('"', "\"\""));
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_csv_cell_is_one_cell_and_not_a_formula() {
+        for (text, cell) in [
+            ("Ada", "Ada"),
+            ("a, b", "\"a, b\""),
+            ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
+            ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
+            ("\u{ff1d}1", "'\u{ff1d}1"),
+        ] {
+            assert_eq!(csv_cell(text), cell);
+        }
+    }
 
     #[test]
     fn colours_pass_to_a_terminal_and_no_other_control_sequence_does() {

@@ -10,11 +10,11 @@ use jiff::{Span, Timestamp};
 use serde_json::Value;
 
 use super::settings::CommandSettings;
-use super::table::{aligned, csv_cell};
+use super::table::aligned;
 use super::{Exit, Failure, print, print_json};
 use crate::clock;
 use crate::journal::{self, JournalReader, Record};
-use crate::sanitize::json_text;
+use crate::sanitize::{csv_cell, json_text};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///

@@ -6,11 +6,15 @@ mod class;
 mod feedback;
 mod grade;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
 
 use super::new::create_project;
 use super::table::aligned;
 use super::{Console, Exit, Failure, print};
+use crate::class::Lesson as ClassLesson;
+use crate::sanitize;
 use catalogue::Lesson;
 
 #[derive(Debug, Clone, clap::Subcommand)]
@@ -54,6 +58,31 @@ fn list() -> Result<Exit, Failure> {
         "{}\nStart one with: spykee lesson start 1\n",
         aligned(">LESSON|TITLE|YOU LEARN", Lesson::all().iter().map(row))
     ))
+}
+
+/// The lessons for a class in the browser.
+pub(super) fn of_class() -> Vec<ClassLesson> {
+    let lesson = |lesson: &'static Lesson| ClassLesson {
+        name: lesson.folder,
+        title: lesson.title(),
+        world: lesson.world,
+        readme: lesson.readme,
+        starter: lesson.starter,
+    };
+    Lesson::all().iter().map(lesson).collect()
+}
+
+/// Checks the script in this file against a lesson, as `lesson check --json` does, for a class: with the
+/// `sentence` that says what is missing, and without the folder's path.
+pub(super) fn judge(lesson: &str, file: &Path, console: &Console) -> Result<Value, String> {
+    let lesson = Lesson::named(lesson).ok_or("there is no such lesson")?;
+    let checked = check::for_class(lesson, file, console).map_err(|failure| failure.what)?;
+    let folder = file
+        .parent()
+        .map_or_else(String::new, |folder| format!("{}/", folder.display()));
+    Ok(sanitize::with_texts(checked, &|text| {
+        text.replace(&folder, "")
+    }))
 }
 
 /// The names of the lessons, for shells to complete.

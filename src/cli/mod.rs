@@ -8,6 +8,7 @@ mod behaviour;
 mod behaviour_loader;
 mod calibrate;
 mod check;
+mod class;
 mod colour;
 mod completions;
 mod config;
@@ -54,6 +55,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
+use crate::class::{LEARNER, learner_main};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
 use crate::sanitize;
@@ -161,6 +163,7 @@ enum Command {
     /// Learn to write behaviours with built-in exercises and checks
     #[command(subcommand)]
     Lesson(lesson::Action),
+    Class(class::ClassArgs),
     Api(api::ApiArgs),
     Sim(sim::SimArgs),
     /// Find colours in pictures, as scripts do, or learn a new one
@@ -210,6 +213,7 @@ impl Command {
             Command::Check(args) => check::run(&args, settings),
             Command::Test(args) => test::run(&args, settings, console),
             Command::Lesson(args) => lesson::run(&args, console),
+            Command::Class(args) => class::run(&args, settings, console),
             Command::Api(args) => api::run(&args),
             Command::Sim(args) => sim::run(&args, console),
             Command::Colour(args) => colour::run(&args, settings, console),
@@ -340,6 +344,7 @@ fn execute<Guard>(
 fn work(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     match args.next() {
         Some(kind) if kind == INSPECTION => inspection_main(args),
+        Some(kind) if kind == LEARNER => learner_main(args),
         Some(kind) if kind == SCENARIO_PROCESS => scenario_process_main(args),
         _ => Exit::Usage.into(),
     }

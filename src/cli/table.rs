@@ -35,23 +35,6 @@ pub(super) fn aligned(head: &str, rows: impl IntoIterator<Item = Vec<String>>) -
     rows.iter().map(line).collect()
 }
 
-/// Characters that start a formula; some programs also accept their East Asian wide forms.
-const FORMULAS: [char; 8] = [
-    '=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
-];
-
-/// A CSV cell: quoted if necessary, and never read as a formula, since the text is untrusted.
-pub(super) fn csv_cell(text: &str) -> String {
-    let mut text = sanitize::text(text, false).replace(['\n', '\r', '\t'], " ");
-    if text.starts_with(FORMULAS) {
-        text.insert(0, '\'');
-    }
-    if text.contains([',', '"', ';']) {
-        text = format!("\"{}\"", text.replace('"', "\"\""));
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -67,18 +50,5 @@ mod tests {
                         a.jpg              7  yes\n\
                         [2Jlong .jpg      12\n";
         assert_eq!(aligned("FILE|>PIXELS|EDGE", rows), expected);
-    }
-
-    #[test]
-    fn a_csv_cell_is_one_cell_and_not_a_formula() {
-        for (text, cell) in [
-            ("Ada", "Ada"),
-            ("a, b", "\"a, b\""),
-            ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
-            ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
-            ("\u{ff1d}1", "'\u{ff1d}1"),
-        ] {
-            assert_eq!(csv_cell(text), cell);
-        }
     }
 }

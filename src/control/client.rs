@@ -202,8 +202,8 @@ async fn ask_web(
     asked.await.unwrap_or(Err(AskError::Ended))
 }
 
-/// Sends one request over a connection of its own. Dropping the future cancels it.
-async fn ask(
+/// Sends one request over this connection to a run's private socket. Dropping the future cancels it.
+pub async fn ask(
     stream: std::os::unix::net::UnixStream,
     request: &RunRequest,
     limit: Duration,

@@ -101,7 +101,7 @@ pub enum WorldChange {
     Step,
     /// Run the clock this many times as fast as real time.
     Speed {
-        /// 1..=100.
+        /// 0.1..=100; below 1 is slow motion.
         factor: f64,
     },
 }
@@ -146,7 +146,8 @@ impl WorldChange {
             WorldChange::Pause { paused } => sim_clock(simulation)?.pause(paused),
             WorldChange::Step => sim_clock(simulation)?.step(),
             WorldChange::Speed { factor } => {
-                let factor = TimeScale::new(factor).ok_or("the speed is out of range: 1 to 100")?;
+                let factor =
+                    TimeScale::new(factor).ok_or("the speed is out of range: 0.1 to 100")?;
                 sim_clock(simulation)?.set_time_scale(factor);
             }
         }

@@ -17,6 +17,9 @@ use super::keyring::Role;
 /// Maximum number of connections in a lane, and of one owner's.
 const MAX_IN_LANE: usize = 96;
 const MAX_OF_OWNER: usize = 32;
+/// The same for members of a class, each of whom has two or three pages open at most.
+const MAX_MEMBERS: usize = 256;
+const MAX_OF_MEMBER: usize = 12;
 
 /// Connections compete for places only within their lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +27,25 @@ enum Lane {
     /// The head of the request is not complete, or its visitor has no access.
     Unknown,
     Request(Role),
+    Member,
     Stop,
+}
+
+impl Lane {
+    /// The number of connections in it.
+    fn most(self) -> usize {
+        match self {
+            Lane::Member => MAX_MEMBERS,
+            _ => MAX_IN_LANE,
+        }
+    }
+
+    fn most_of_owner(self) -> usize {
+        match self {
+            Lane::Member => MAX_OF_MEMBER,
+            _ => MAX_OF_OWNER,
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -55,7 +76,7 @@ impl Connections {
             .map(|(id, one)| (count(&one.owner), Reverse(*id)))
             .max();
         if let Some((most, Reverse(oldest))) = oldest_of_most
-            && (most > MAX_OF_OWNER || rivals().count() > MAX_IN_LANE)
+            && (most > lane.most_of_owner() || rivals().count() > lane.most())
             && let Some(closed) = open.remove(&oldest)
         {
             closed.closed.cancel();
@@ -101,6 +122,15 @@ impl Place {
         } else {
             Lane::Request(visitor.role)
         };
+        self.enter(lane, owner);
+    }
+
+    /// Moves it to the lane of the members of a class.
+    pub(super) fn join(&self, name: &str) {
+        self.enter(Lane::Member, name.to_owned());
+    }
+
+    fn enter(&self, lane: Lane, owner: String) {
         self.leave();
         let closed = self.closed.clone();
         let id = self.connections.enter(Connection {

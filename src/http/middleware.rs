@@ -83,12 +83,18 @@ fn is_for_people(headers: &HeaderMap) -> bool {
     only(headers, &header::ACCEPT).is_some_and(|kinds| kinds.contains("text/html"))
 }
 
+/// Header with which a program on the private socket gives up the rights of a driver: `viewer`.
+pub const ROLE: &str = "spykee-role";
+
 /// Middleware of the private socket, which only programs of the same user can open.
 pub(super) async fn admit_local(
-    Extension(visitor): Extension<Visitor>,
+    Extension(mut visitor): Extension<Visitor>,
     mut request: Request,
     next: Next,
 ) -> Response {
+    if request.headers().contains_key(ROLE) {
+        visitor.role = Role::Viewer;
+    }
     identify(&mut request, Some(visitor));
     next.run(request.map(with_body_timeout)).await
 }
@@ -101,6 +107,13 @@ fn identify(request: &mut Request, visitor: Option<Visitor>) {
         place.identify(visitor, request.uri().path() == STOP);
     }
     request.extensions_mut().insert(visitor);
+}
+
+/// Counts the connection of this request among those of a member of a class.
+pub fn count_as_member(request: &Request, name: &str) {
+    if let Some(place) = request.extensions().get::<Arc<Place>>() {
+        place.join(name);
+    }
 }
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
@@ -157,7 +170,7 @@ fn admit(
             Some(visitor) => Ok(Some(visitor)),
             None => Err(Refusal::wrong_token()),
         },
-        None => Ok(access.visitor(cookie(headers))),
+        None => Ok(access.visitor(cookie(headers, COOKIE))),
     }
 }
 
@@ -177,14 +190,14 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     first.to_str().ok()
 }
 
-/// Returns the token in the page's cookie. By hand: the crate for cookies brings dates and a jar.
-fn cookie(headers: &HeaderMap) -> Option<&str> {
+/// Returns the value of a cookie. By hand: the crate for cookies brings dates and a jar.
+pub fn cookie<'a>(headers: &'a HeaderMap, name: &str) -> Option<&'a str> {
     let cookies = headers
         .get_all(header::COOKIE)
         .iter()
         .filter_map(|value| value.to_str().ok());
     let mut pairs = cookies.flat_map(|value| value.split(';'));
-    pairs.find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
+    pairs.find_map(|pair| pair.trim().strip_prefix(name)?.strip_prefix('='))
 }
 
 fn with_response_headers(mut response: Response) -> Response {
@@ -230,7 +243,9 @@ pub fn routes(access: Arc<Access>) -> Router {
         .route("/api/login", post(log_in))
         .route(
             "/api/logout",
-            post(async || with_cookie(().into_response(), "", 0, false)),
+            post(async |headers: HeaderMap| {
+                with_cookie(().into_response(), set_cookie(COOKIE, "", 0, &headers))
+            }),
         )
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .with_state(access)
@@ -263,23 +278,24 @@ async fn log_in(
         role: Some(role),
         open: false,
     };
-    // With an origin of https, the page is behind a TLS proxy.
-    let origin = headers.get(header::ORIGIN);
-    let secure = origin.is_some_and(|origin| origin.as_bytes().starts_with(b"https://"));
-    Ok(with_cookie(
-        Json(me).into_response(),
-        &token,
-        COOKIE_AGE,
-        secure,
-    ))
+    let cookie = set_cookie(COOKIE, &token, COOKIE_AGE, &headers);
+    Ok(with_cookie(Json(me).into_response(), cookie))
 }
 
-fn with_cookie(mut response: Response, token: &str, age: u32, secure: bool) -> Response {
+/// The header value that sets a cookie, which no script can read and no other site's page sends.
+/// `headers` are those of the request: with an origin of https, the page is behind a TLS proxy.
+pub fn set_cookie(name: &str, value: &str, age: u32, headers: &HeaderMap) -> Option<HeaderValue> {
+    let origin = headers.get(header::ORIGIN);
+    let secure = origin.is_some_and(|origin| origin.as_bytes().starts_with(b"https://"));
     let secure = if secure { "; Secure" } else { "" };
     let cookie =
-        format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/; Max-Age={age}{secure}");
-    // Always a valid header value: a token of ours consists of letters and digits.
-    if let Ok(cookie) = HeaderValue::from_str(&cookie) {
+        format!("{name}={value}; HttpOnly; SameSite=Strict; Path=/; Max-Age={age}{secure}");
+    // Always valid: a token of ours consists of letters and digits.
+    HeaderValue::from_str(&cookie).ok()
+}
+
+fn with_cookie(mut response: Response, cookie: Option<HeaderValue>) -> Response {
+    if let Some(cookie) = cookie {
         response.headers_mut().insert(header::SET_COOKIE, cookie);
     }
     response

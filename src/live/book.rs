@@ -18,6 +18,14 @@ const MAX_LEN: u64 = 16 << 20;
 const MISSING: &str = "The book is not installed here. In a checkout, scripts/book builds it; \
                        as plain text it is in behaviours/guide/.\n";
 
+/// The first of these folders, seen from the program's, that has this file.
+pub fn installed(places: [&str; 2], file: &str) -> Option<PathBuf> {
+    let program = std::env::current_exe().unwrap_or_default();
+    let folder = program.parent().unwrap_or(Path::new("/"));
+    let mut places = places.iter().map(|place| folder.join(place));
+    places.find(|place| place.join(file).is_file())
+}
+
 /// The files of the book by their paths below `/book/`. A request can name nothing else.
 #[derive(Debug, Default)]
 struct Book {
@@ -27,13 +35,7 @@ struct Book {
 impl Book {
     /// The installed book; without files if there is none.
     fn installed() -> Book {
-        let program = std::env::current_exe().unwrap_or_default();
-        let folder = program.parent().unwrap_or(Path::new("/"));
-        let places = PLACES.map(|place| folder.join(place));
-        let found = places
-            .iter()
-            .find(|place| place.join("index.html").is_file());
-        found.map_or_else(Book::default, |place| Book::read(place))
+        installed(PLACES, "index.html").map_or_else(Book::default, |place| Book::read(&place))
     }
 
     /// The files of a folder. Symbolic links are not followed.

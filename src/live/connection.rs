@@ -324,7 +324,12 @@ impl Writer {
         match (&self.broadcast.run.sim, watch.map) {
             (Some(sim), true) if self.map.is_none() => {
                 send_text(sink, text(&ToPage::World(&world::world_plan(&sim.robot)))).await?;
-                self.map = Some(self.broadcast.map.subscribe());
+                let mut map = self.broadcast.map.subscribe();
+                // While the clock stands, there is no other.
+                if !map.borrow().is_empty() {
+                    map.mark_changed();
+                }
+                self.map = Some(map);
             }
             (_, false) => self.map = None,
             _ => {}

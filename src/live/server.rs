@@ -116,37 +116,61 @@ async fn open(
 }
 
 async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext) {
-    let requests = control::routes(context.run.clone());
-    let broadcast = Broadcast::new(
-        context.run,
-        context.definition,
-        context.data,
-        access.clone(),
-    );
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
-    let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(context.bus)));
-    let keeper = broadcast.clone();
-    let _keeping = context.log.map(|log| {
-        AbortOnDropHandle::new(tokio::spawn(
-            async move { keeper.log_buffer.collect(log).await },
-        ))
-    });
-    let router = routes()
+    let (requests, _tasks) = serve_run(context, access.clone());
+    let router = Router::new()
+        .route("/", served("text/html; charset=utf-8", PAGE.as_bytes()))
+        .merge(page_files())
         .merge(book::routes())
         .merge(http::routes(access.clone()))
-        .merge(api::routes(broadcast))
         .merge(requests)
         .layer(middleware::from_fn_with_state(access, http::guard_request));
     http::serve(listener, router).await;
 }
 
+/// Serves the run on a thread of its own to programs of the same user, which connect to this socket:
+/// without files and without a login.
+pub fn serve_privately(
+    context: WebContext,
+    listener: std::os::unix::net::UnixListener,
+) -> Result<SideThread, LiveError> {
+    let access = Access::new(
+        &Options::default(),
+        Options::default().address(),
+        &context.data,
+    )?;
+    listener.set_nonblocking(true)?;
+    let thread = SideThread::start("live", |stop| async move {
+        let (router, _tasks) = serve_run(context, Arc::new(access));
+        match tokio::net::UnixListener::from_std(listener) {
+            Ok(listener) => {
+                let serving = http::serve_private(listener, router);
+                let _ = stop.run_until_cancelled(serving).await;
+            }
+            Err(error) => tracing::error!("the run cannot be shown: {error}"),
+        }
+    })?;
+    Ok(thread)
+}
+
+/// What the page asks of a run, and the tasks behind it.
+fn serve_run(context: WebContext, access: Arc<Access>) -> (Router, Vec<AbortOnDropHandle<()>>) {
+    let requests = control::routes(context.run.clone());
+    let broadcast = Broadcast::new(context.run, context.definition, context.data, access);
+    let serving = tokio::spawn(broadcast.clone().serve(context.bus));
+    let mut tasks = vec![AbortOnDropHandle::new(serving)];
+    let keeper = broadcast.clone();
+    tasks.extend(context.log.map(|log| {
+        AbortOnDropHandle::new(tokio::spawn(
+            async move { keeper.log_buffer.collect(log).await },
+        ))
+    }));
+    (api::routes(broadcast).merge(requests), tasks)
+}
+
+const PAGE: &str = include_str!("page/index.html");
 /// Path, content type, content.
 const FILES: &[(&str, &str, &str)] = &[
-    (
-        "/",
-        "text/html; charset=utf-8",
-        include_str!("page/index.html"),
-    ),
     (
         "/style.css",
         "text/css; charset=utf-8",
@@ -181,7 +205,8 @@ const JS: &str = "text/javascript; charset=utf-8";
 /// The icon for iOS, which draws no SVG on its home screen.
 const ICON: &[u8] = include_bytes!("page/icon.png");
 
-pub(super) fn routes() -> Router {
+/// The page's modules, style and icons, which the pages of a class use too.
+pub fn page_files() -> Router {
     let files = FILES
         .iter()
         .fold(Router::new(), |router, &(path, kind, content)| {
@@ -190,7 +215,8 @@ pub(super) fn routes() -> Router {
     files.route("/icon.png", served("image/png", ICON))
 }
 
-fn served(kind: &'static str, content: &'static [u8]) -> MethodRouter {
+/// A file of a page, compiled into the program.
+pub fn served(kind: &'static str, content: &'static [u8]) -> MethodRouter {
     // Another version of the program has other files.
     let headers = [
         (header::CONTENT_TYPE, kind),
@@ -205,7 +231,8 @@ mod tests {
 
     #[test]
     fn the_page_has_no_external_resources_and_no_inline_code() {
-        for (path, kind, content) in FILES {
+        let page = ("/", "text/html", PAGE);
+        for (path, kind, content) in FILES.iter().chain([&page]) {
             assert!(!content.contains("https://"), "{path}");
             assert!(
                 !content.contains("innerHTML") && !content.contains("eval("),
@@ -225,7 +252,7 @@ mod tests {
     fn phones_of_both_kinds_find_an_icon_that_is_served() {
         let content = |path: &str| FILES.iter().find(|file| file.0 == path).unwrap().2;
         let link = "<link rel=\"apple-touch-icon\" href=\"/icon.png\">";
-        assert!(content("/").contains(link));
+        assert!(PAGE.contains(link));
         assert!(content("/manifest.webmanifest").contains("\"/icon.png\""));
         assert!(ICON.starts_with(b"\x89PNG\r\n\x1a\n"));
         // Width and height (PNG, 11.2.1), as the manifest says.

@@ -139,10 +139,10 @@ pub(super) fn is_supported() -> bool {
     !ALLOWED.is_empty() && architecture().is_some()
 }
 
-/// Restricts this thread and everything it starts to the allow-list. Returns whether the kernel has
-/// applied it.
-pub(super) fn restrict() -> bool {
-    let Some((missing, allowed)) = programs() else {
+/// Restricts this thread and everything it starts to the allow-list; with `serves`, connections can be
+/// accepted, too. Returns whether the kernel has applied it.
+pub(super) fn restrict(serves: bool) -> bool {
+    let Some((missing, allowed)) = programs(serves) else {
         return false;
     };
     apply_filter(&missing)
@@ -156,7 +156,7 @@ fn architecture() -> Option<TargetArch> {
 
 /// Builds two filters. The first returns `ENOSYS` for a call that C libraries can replace with
 /// another one; the second returns `EPERM` for every call that is not allowed.
-fn programs() -> Option<(BpfProgram, BpfProgram)> {
+fn programs(serves: bool) -> Option<(BpfProgram, BpfProgram)> {
     if !is_supported() {
         return None;
     }
@@ -165,6 +165,9 @@ fn programs() -> Option<(BpfProgram, BpfProgram)> {
         .chain(ALLOWED_HERE)
         .map(|&call| (call, vec![]))
         .collect();
+    if serves {
+        rules.insert(sys::SYS_accept4, vec![]);
+    }
     rules.extend(conditional()?);
     let refused = |errno: i32| SeccompAction::Errno(errno.unsigned_abs());
     let allowed = filter(rules, refused(sys::EPERM), SeccompAction::Allow)?;
@@ -258,7 +261,7 @@ mod tests {
             assert!(!all[..at].contains(call), "{call} twice");
             assert!(!conditional.contains_key(call), "{call} has a condition");
         }
-        let (missing, allowed) = programs().unwrap();
+        let (missing, allowed) = programs(false).unwrap();
         assert!(missing.len() < 4096 && allowed.len() < 4096);
     }
 }

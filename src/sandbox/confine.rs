@@ -25,6 +25,8 @@ use super::calls;
 const ADDRESS_SPACE: u64 = 1 << 30;
 /// Open files: the pipe, stderr, those of the runtime, and one that is being saved.
 const OPEN_FILES: u64 = 32;
+/// The same of a process that also serves viewers.
+const SERVING_FILES: u64 = 80;
 /// The largest file a script can save.
 const FILE_SIZE: u64 = 16 << 20;
 /// From -1000 (never killed) to 1000 (killed first); the agent has 0.
@@ -51,12 +53,15 @@ pub struct SandboxPolicy {
     pub write: Vec<PathBuf>,
     /// Limit of CPU time in seconds; 0 for that of a behaviour.
     pub cpu_seconds: u64,
+    /// Whether it accepts connections, on a socket that it already has.
+    pub serves: bool,
 }
 
 impl SandboxPolicy {
     /// The arguments for [`SandboxPolicy::of_arguments`]: the parent's process id first.
     pub(super) fn arguments(&self) -> Vec<OsString> {
-        let numbers = [u64::from(std::process::id()), self.cpu_seconds];
+        let serves = u64::from(self.serves);
+        let numbers = [u64::from(std::process::id()), self.cpu_seconds, serves];
         let numbers = numbers.map(|number| OsString::from(number.to_string()));
         let read = self.read.iter().map(OsString::from);
         let write = self.write.iter().map(OsString::from);
@@ -78,6 +83,7 @@ impl SandboxPolicy {
         let mut number = || arguments.next()?.to_str()?.parse::<u64>().ok();
         let parent = number()?;
         let cpu_seconds = number()?;
+        let serves = number()? == 1;
         let count = number()?;
         let mut read: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
         let count = usize::try_from(count).ok().filter(|n| *n <= read.len())?;
@@ -86,6 +92,7 @@ impl SandboxPolicy {
             read,
             write,
             cpu_seconds,
+            serves,
         };
         Some((u32::try_from(parent).ok()?, policy))
     }
@@ -182,12 +189,12 @@ pub(super) fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restric
     rustix::process::umask(Mode::RWXG | Mode::RWXO);
     // If the system refuses the lower priority, the process runs without it.
     let _ = rustix::process::nice(NICE);
-    limit(policy.cpu_seconds)?;
+    limit(policy)?;
     // Other processes of the same user cannot trace it, and it leaves no core dump.
     rustix::process::set_dumpable_behavior(DumpableBehavior::NotDumpable)?;
     Ok(Restrictions {
         files: restrict_files(policy).unwrap_or(false),
-        calls: calls::restrict(),
+        calls: calls::restrict(policy.serves),
     })
 }
 
@@ -212,10 +219,16 @@ fn drop_capabilities() -> io::Result<()> {
     Ok(rustix::thread::set_capabilities(None, none)?)
 }
 
-fn limit(cpu_seconds: u64) -> io::Result<()> {
+fn limit(policy: &SandboxPolicy) -> io::Result<()> {
+    let cpu_seconds = policy.cpu_seconds;
+    let files = if policy.serves {
+        SERVING_FILES
+    } else {
+        OPEN_FILES
+    };
     let mut limits = vec![
         (Resource::As, ADDRESS_SPACE),
-        (Resource::Nofile, OPEN_FILES),
+        (Resource::Nofile, files),
         (Resource::Fsize, FILE_SIZE),
         (Resource::Core, 0),
         (Resource::Memlock, 0),
@@ -454,10 +467,15 @@ mod tests {
             read: paths(&["a b", "--", ""]),
             write: paths(&["/c"]),
             cpu_seconds: 7,
+            serves: true,
         };
         let back = SandboxPolicy::of_arguments(policy.arguments().into_iter());
         assert_eq!(back, Some((std::process::id(), policy)));
-        for wrong in [&["1", "2"][..], &["x", "0", "0"], &["1", "0", "2", "only"]] {
+        for wrong in [
+            &["1", "2"][..],
+            &["x", "0", "0"],
+            &["1", "0", "1", "2", "only"],
+        ] {
             let arguments = wrong.iter().map(OsString::from);
             assert_eq!(SandboxPolicy::of_arguments(arguments), None, "{wrong:?}");
         }

@@ -173,8 +173,8 @@ fn sandbox_policy(
     }
     SandboxPolicy {
         read,
-        write: Vec::new(),
         cpu_seconds: 2 * limit.as_secs() + 1,
+        ..SandboxPolicy::default()
     }
 }
 

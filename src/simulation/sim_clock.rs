@@ -29,12 +29,14 @@ pub struct TimeScale(f64);
 
 impl TimeScale {
     pub const REAL: TimeScale = TimeScale(1.0);
+    /// The minimum factor: slow motion.
+    pub const MIN: f64 = 0.1;
     /// The maximum factor.
     pub const MAX: f64 = 100.0;
 
-    /// Creates a factor; `None` if it is not in 1..=100.
+    /// Creates a factor; `None` if it is not in 0.1..=100.
     pub fn new(factor: f64) -> Option<TimeScale> {
-        if !(1.0..=TimeScale::MAX).contains(&factor) {
+        if !(TimeScale::MIN..=TimeScale::MAX).contains(&factor) {
             return None;
         }
         Some(TimeScale(factor))
@@ -52,7 +54,7 @@ impl TimeScale {
 pub struct ClockMode {
     /// Whether it is paused, except for single steps.
     pub paused: bool,
-    /// Simulated seconds per second unless paused, 1..=100.
+    /// Simulated seconds per second unless paused, 0.1..=100.
     pub factor: TimeScale,
 }
 
@@ -64,6 +66,8 @@ pub struct SimClock(Arc<Mutex<ClockState>>);
 #[derive(Debug)]
 struct ClockState {
     mode: ClockMode,
+    /// Whether it stands, whatever the mode says.
+    held: bool,
     /// Simulated and real time at which the two clocks were last aligned; `None`: at the next
     /// comparison.
     aligned: Option<(Duration, Duration)>,
@@ -77,9 +81,10 @@ impl ClockState {
     /// Returns how long the clock must wait now; `None` if it may continue.
     fn wait(&mut self, simulated: Duration, real: Duration) -> Option<Duration> {
         self.now = simulated;
-        if self.mode.paused {
+        if self.held || self.mode.paused {
             self.aligned = None;
-            return (simulated >= self.allowed).then_some(MAX_BLOCK);
+            let stands = self.held || simulated >= self.allowed;
+            return stands.then_some(MAX_BLOCK);
         }
         let (from, since) = *self.aligned.get_or_insert((simulated, real));
         let passed = simulated.saturating_sub(from);
@@ -112,6 +117,7 @@ impl Default for SimClock {
         };
         SimClock(Arc::new(Mutex::new(ClockState {
             mode,
+            held: false,
             aligned: None,
             allowed: Duration::ZERO,
             now: Duration::ZERO,
@@ -128,6 +134,14 @@ impl SimClock {
     pub fn pause(&self, paused: bool) {
         let mut state = self.0.lock();
         state.mode.paused = paused;
+        state.realign();
+    }
+
+    /// Holds the clock, or lets it go on in its mode: for those who may do more than the ones who
+    /// pause and resume it.
+    pub fn hold(&self, held: bool) {
+        let mut state = self.0.lock();
+        state.held = held;
         state.realign();
     }
 
@@ -212,7 +226,7 @@ mod tests {
 
     #[test]
     fn numbers_out_of_range_are_not_factors() {
-        for wrong in [0.0, -1.0, 0.99, 100.1, f64::NAN, f64::INFINITY] {
+        for wrong in [0.0, -1.0, 0.099, 100.1, f64::NAN, f64::INFINITY] {
             assert_eq!(TimeScale::new(wrong), None, "{wrong}");
         }
     }

@@ -8,6 +8,7 @@ mod calibrate;
 mod camera_truth;
 mod charger;
 mod check;
+mod class;
 mod cli;
 mod clock;
 mod colour;

@@ -1196,6 +1196,96 @@ const promises = {
         await ready(page);
         await page.getByText(/patrol:\d+/).first().waitFor();
         await page.waitForTimeout(pictures ? 6000 : 500);
+        await usable(page, `${name} ${colorScheme}`);
+        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        if (wide > 0) {
+          throw new Error(`${name}: ${wide} pixels too wide`);
+        }
+        if (pictures) {
+          await page.locator(".history").evaluate((element) => element.scrollIntoView());
+          await page.locator(".history").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
+        }
+        clean(page);
+        await page.context().close();
+      }
+    }
+    await run.end();
+  },
+
+  async "behind Caddy, as the book has it, people log in and drive over TLS"(browser) {
+    if (!has("caddy")) {
+      return "skipped, there is no caddy: sudo apt install caddy";
+    }
+    const config = "live: { hosts: [robot.test] }\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["idle.lua", "--sim", "--config", "spykee.yaml"]);
+    const driver = await run.token("driver");
+    const port = await freePort();
+    // For a test: a certificate of Caddy's own, in a folder of the test, and a port that anybody may have.
+    fs.writeFileSync(path.join(run.folder, "Caddyfile"), "{\n  admin off\n  auto_https disable_redirects\n  skip_install_trust\n"
+      + `  storage file_system ${run.folder}/caddy\n}\nrobot.test:${port} {\n  tls internal\n  reverse_proxy ${new URL(run.url).host}\n}\n`);
+    const caddy = spawn("caddy", ["run", "--config", "Caddyfile", "--adapter", "caddyfile"],
+      { cwd: run.folder, env: { ...process.env, HOME: run.folder, XDG_DATA_HOME: run.folder, XDG_CONFIG_HOME: run.folder }, stdio: "ignore" });
+    const gone = new Promise((resolve) => caddy.once("exit", resolve));
+    await until(() => reaches(port), "Caddy");
+    const context = await browser.newContext({ locale: "en-GB", ...DESK, ignoreHTTPSErrors: true });
+    const page = await context.newPage();
+    await page.goto(`https://robot.test:${port}/#token=${driver}`);
+    await ready(page);
+    await takeControl(page);
+    const moving = () => page.getByRole("img", { name: /tracks [1-9]/ }).first().waitFor();
+    await page.keyboard.down("ArrowUp");
+    await moving();
+    await page.keyboard.up("ArrowUp");
+    await page.getByRole("img", { name: /tracks 0 and 0/ }).first().waitFor();
+    await context.close();
+    caddy.kill();
+    await gone;
+    await run.end();
+    return "";
+  },
+
+  async "what robots and scripts say stays text, and nothing hides in it"(browser) {
+    // A robot of the same length of name, with markup and a character that terminals obey.
+    const sim = await Process.start(["sim", "--listen", "127.0.0.1:0"], /listens on 127\.0\.0\.1:(\d+)/);
+    const [name, odd] = [Buffer.from("Spykee"), Buffer.from("<b>x\x9b!", "latin1")];
+    const line = await Line.to(Number(sim.found[1]), (data) => {
+      const at = data.indexOf(name);
+      return at < 0 ? data : Buffer.concat([data.subarray(0, at), odd, data.subarray(at + name.length)]);
+    });
+    const hostile = "log.warn('<img src=x onerror=\"document.title=1\"><b>bold</b> \\u{202e}esrever')\n"
+      + "print('</script><script>document.body.remove()</script>')\nlocal p = params.declare{ x = {default = '<u>', live = true, doc = '<s>'} }\n"
+      + "task.wait(0.1)\nerror('<i>gone</i>\\u{202e}')\n";
+    const run = await Run.start({ "<b>bad<b>.lua": hostile }, ["<b>bad<b>.lua", "--robot", `127.0.0.1:${line.port}`, "--no-check"]);
+    const page = await open(browser, run);
+    await ready(page);
+    await page.getByRole("heading", { name: "<b>x\\u009b!" }).waitFor();
+    await page.getByText("<b>bold</b>").first().waitFor();
+    await page.getByText("\\u202eesrever").first().waitFor();
+    await page.getByText("<i>gone</i>").first().waitFor();
+    await button(page, "Show line 5 of <b>bad<b>").first().click();
+    await page.locator("dialog .marked").getByText("<i>gone</i>").waitFor();
+    const injected = await page.locator("b, i, u, s, body script, img[src=x]").count();
+    if (injected > 0) {
+      throw new Error(`${injected} elements that a script has made`);
+    }
+    if (/[\u0080-\u009f\u202a-\u202e]/.test(await page.evaluate(() => document.body.innerText + document.title))) {
+      throw new Error("a character hides that turns text around");
+    }
+    clean(page);
+    await page.context().close();
+    await run.end();
+    line.end();
+    await sim.end();
+  },
+
+  async "nothing serious in the way of people who use other means, in light and dark, large and small"(browser) {
+    const run = await Run.start({}, [path.join(root, "behaviours/patrol.lua"), "--sim"]);
+    for (const [name, options] of [["desktop", DESK], ["phone", PHONE], ["lying", LANDSCAPE], ["tablet", TABLET]]) {
+      for (const colorScheme of ["light", "dark"]) {
+        const page = await open(browser, run, { ...options, colorScheme });
+        await ready(page);
+        await page.getByText(/patrol:\d+/).first().waitFor();
+        await page.waitForTimeout(pictures ? 6000 : 500);
         // Only here: the page's own policy lets nothing in.
         const found = await page.evaluate(async (source) => {
           (0, eval)(source);
@@ -1221,6 +1311,61 @@ const promises = {
       }
     }
     await run.end();
+  },
+
+  async "a class: a learner joins and drives by keyboard, the teacher sees, helps and freezes"(browser) {
+    const folder = fs.mkdtempSync(path.join(os.tmpdir(), "spykee-class-"));
+    const server = await Process.start(["class", "--listen", "127.0.0.1:0"], /Ctrl-C ends/, folder);
+    const [, url] = /open at (http:\S+) /.exec(server.text);
+    const wall = await open(browser, { url: `${url}wall${/#token=\S+/.exec(server.text)[0]}` }, { viewport: { width: 1920, height: 1080 } });
+    await button(wall, "Freeze all").waitFor();
+    const page = await open(browser, { url: `${url}#${/Class word: (.*)/.exec(server.text)[1].replaceAll(" ", "-")}` }, TABLET);
+    await usable(page, "joining");
+    await page.keyboard.type("Ada <b>");
+    await page.keyboard.press("Enter");
+    await button(wall, "Let in Ada <b>").click();
+    await page.locator("#lesson").selectOption("03-moving");
+    await page.getByRole("textbox", { name: "Script of Ada <b>" }).click();
+    await page.keyboard.press("Control+A");
+    await page.keyboard.type("while true do robot.move(30, -30, 0.5) end");
+    await page.keyboard.press("Control+Enter");
+    const map = page.getByRole("img", { name: /^Map of/ });
+    await map.waitFor();
+    const file = path.join(folder, "class/Ada <b>/03-moving.lua");
+    await until(() => fs.readFileSync(file, "utf8").includes("robot.move(30, -30"), "the file");
+    await usable(page, "workspace");
+    await keep(page, "class-workspace");
+    const tile = wall.getByRole("button", { name: /^Ada <b>/ });
+    await until(async () => /runs/.test(await tile.textContent()), "the run on the wall");
+    await usable(wall, "wall");
+    await keep(wall, "class-wall");
+    await tile.click();
+    await button(wall, "Help").click();
+    await wall.getByRole("img", { name: /^Map of/ }).waitFor();
+    await wall.getByRole("textbox").first().click();
+    await wall.keyboard.press("Control+Home");
+    await wall.keyboard.type("-- helped\n");
+    await until(() => fs.readFileSync(file, "utf8").includes("-- helped"), "the teacher's help in the file");
+    await until(async () => /helped/.test(await page.locator(".editor").first().evaluate((one) => one.querySelector("textarea")?.value ?? one.innerText)), "the help on the learner's page");
+    await usable(wall, "a learner on the wall");
+    await keep(wall, "class-learner");
+    await button(wall, "Close").click();
+    await button(wall, "Freeze all").click();
+    await page.getByText("Everything stands").waitFor();
+    await usable(page, "frozen");
+    await button(wall, "Let all go on").click();
+    await page.getByText("Everything stands").waitFor({ state: "hidden" });
+    await button(page, "Check").click();
+    await page.getByText(/^0 of 10 points/).waitFor({ timeout: 60_000 });
+    if (await page.locator("b").count() + await wall.locator("b").count() > 0) {
+      throw new Error("a name became an element");
+    }
+    clean(page);
+    clean(wall);
+    await page.context().close();
+    await wall.context().close();
+    await server.end();
+    fs.rmSync(folder, { recursive: true });
   },
 
   async "the page speaks German and Italian"(browser) {
@@ -1254,6 +1399,20 @@ async function keep(page, name) {
   if (pictures) {
     fs.mkdirSync(pictures, { recursive: true });
     await page.screenshot({ path: path.join(pictures, `${name}.png`) });
+  }
+}
+
+/** Nothing serious is in the way of people who use other means. */
+async function usable(page, name) {
+  // Only here: the page's own policy lets nothing in.
+  const session = await page.context().newCDPSession(page);
+  await session.send("Page.setBypassCSP", { enabled: true });
+  await session.send("Runtime.evaluate", { expression: axe });
+  const found = await page.evaluate(async () => (await window.axe.run()).violations);
+  const serious = found.filter(({ impact }) => impact === "serious" || impact === "critical");
+  if (serious.length > 0) {
+    const words = serious.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html).join(" ").slice(0, 400)}`);
+    throw new Error(`${name}: ${words.join("\n")}`);
   }
 }
 

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde_json::Value;
+
 use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
 use super::{Console, Exit, Failure, parse_lesson, print};
@@ -79,6 +81,32 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     } else {
         Exit::Check
     })
+}
+
+/// The result of a check for a learner's page. A class has few processors for many learners, so one
+/// try runs at a time.
+pub(super) fn for_class(
+    lesson: &'static Lesson,
+    file: &Path,
+    console: &Console,
+) -> Result<Value, Failure> {
+    let tries = TryArgs {
+        timeout: Duration::from_secs(60),
+        jobs: Some(1),
+    };
+    let source = read(file)?;
+    let marks = marks_of(lesson, file, &source, &tries, console)?;
+    let feedback = Feedback {
+        lesson,
+        is_chosen: true,
+        other_lesson: None,
+        file,
+        marks: &marks,
+        hint: None,
+    };
+    let mut checked = feedback.json();
+    checked["sentence"] = feedback.sentence().into();
+    Ok(checked)
 }
 
 pub(super) fn marks_of(

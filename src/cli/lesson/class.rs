@@ -97,7 +97,8 @@ fn unlinked(path: PathBuf) -> Result<PathBuf, String> {
     }
 }
 
-/// The script in the folder with the lesson's name, or else the only one. If there is none, those in its
+/// The script in the folder with the lesson's name, such as `moving.lua` or `03-moving.lua`, or else the
+/// only one. If there is none, those in its
 /// folders count, such as `lesson-03-moving`, which `spykee lesson start` makes.
 fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, String>> {
     let mut scripts = scripts_in(folder)?;
@@ -109,7 +110,10 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, Strin
         }
     }
     let wanted = lesson.file();
-    let is_wanted = |path: &&PathBuf| script_name(path).as_deref() == Some(lesson.name());
+    let is_wanted = |path: &&PathBuf| {
+        let name = script_name(path);
+        name.is_some_and(|name| name == lesson.name() || name == lesson.folder)
+    };
     Ok(match (scripts.iter().find(is_wanted), scripts.as_slice()) {
         (Some(path), _) | (None, [path]) => unlinked(path.clone()),
         (None, []) => Err(NOTHING.to_owned()),

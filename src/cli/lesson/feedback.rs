@@ -92,6 +92,24 @@ impl Feedback<'_> {
         format!("spykee lesson check {file}")
     }
 
+    /// What is missing, in one sentence.
+    pub(super) fn sentence(&self) -> String {
+        let marks = self.marks;
+        let mistake = marks.diagnostics.first().filter(|_| marks.cannot_run);
+        let mistake = mistake.map(|found| format!("Line {}: {}", found.line, found.message));
+        let error = || {
+            marks
+                .script_error()
+                .and_then(|error| error.lines().next())
+                .map(str::to_owned)
+        };
+        let missing = || marks.marks.iter().find_map(Mark::failure).map(sentence);
+        mistake
+            .or_else(error)
+            .or_else(missing)
+            .unwrap_or_else(|| "Well done!".to_owned())
+    }
+
     pub(super) fn json(&self) -> Value {
         let lesson = self.lesson;
         let marks = self.marks;

@@ -11,11 +11,8 @@ use super::check::{Marks, TryArgs, marks_of, read};
 use super::class::{Pair, handed_in, pairs};
 use super::feedback::sentence;
 use super::{Console, Exit, Failure, aligned, parse_lesson, print};
-use crate::cli::table::csv_cell;
-use crate::files;
-
-/// Maximum length of the list of names, in bytes.
-const MAX_NAMES: u64 = 1 << 20;
+use crate::cli::class;
+use crate::sanitize::csv_cell;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::cli) struct GradeArgs {
@@ -72,7 +69,8 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         Failure::unreadable(folder, error)
             .help("give the folder that has a folder or a script for each learner")
     };
-    let found = handed_in(folder, lesson, &names(args)?).map_err(cannot)?;
+    let list = args.names.as_deref().map_or(Ok(Vec::new()), class::names)?;
+    let found = handed_in(folder, lesson, &list).map_err(cannot)?;
     if found.learners.is_empty() {
         let why = format!("there is no script in {}", folder.display());
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
@@ -99,19 +97,6 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
     } else {
         class.text()
     })
-}
-
-fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
-    let Some(path) = &args.names else {
-        return Ok(Vec::new());
-    };
-    let text = files::read_text(path, MAX_NAMES).map_err(|error| {
-        Failure::unreadable(path, error).help("--names needs a text file with one name per line")
-    })?;
-    // Some editors put a byte order mark at the beginning.
-    let text = text.trim_start_matches('\u{feff}');
-    let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
-    Ok(names.map(str::to_owned).collect())
 }
 
 fn grade(

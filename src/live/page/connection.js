@@ -17,6 +17,8 @@ const HARMLESS = ["stop", "watch", "frame_shown", "name"];
 
 /** Passes each message to the listeners for its type; `frame`, `open`, `lost` and `age` are types too. */
 export class Connection {
+  /** What stands before the paths of the run that it shows: a class has many runs. */
+  base;
   /** Whether a STOP is not confirmed yet: then nothing else is sent, and pauses between dials are short. */
   stopping = false;
   /** Whether the server has closed this page's connection for another page. */
@@ -27,6 +29,7 @@ export class Connection {
   #dialling = null;
   #answers = new Map();
   #number = 0;
+  #closed = false;
   #watch = {};
   /** When the last message arrived, or the socket was made. */
   #arrived = stamp();
@@ -35,7 +38,8 @@ export class Connection {
   /** This page's time minus the server's, of the heartbeat that was fastest. */
   #offset = Infinity;
 
-  constructor() {
+  constructor(base = "") {
+    this.base = base;
     setInterval(() => this.#check(), CHECK);
     // After sleep, at once.
     for (const [target, kind] of [[window, "pageshow"], [window, "online"], [document, "visibilitychange"]]) {
@@ -68,12 +72,12 @@ export class Connection {
 
   /** Opens the socket, if there is none. */
   connect() {
-    if (this.#socket) {
+    if (this.#socket || this.#closed) {
       return;
     }
     clearTimeout(this.#dialling);
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    const socket = new WebSocket(`${scheme}://${location.host}${this.base}/live`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.#pause = FIRST_PAUSE;
@@ -88,6 +92,23 @@ export class Connection {
     socket.onclose = () => this.#lose();
     this.#arrived = stamp();
     this.#socket = socket;
+  }
+
+  /** Closes it until it is opened again. */
+  close() {
+    this.#closed = true;
+    if (this.#socket) {
+      this.#lose();
+    }
+  }
+
+  /** Opens it to the run that is there now. */
+  reopen(base = this.base) {
+    this.close();
+    this.base = base;
+    this.#closed = false;
+    this.#pause = FIRST_PAUSE;
+    this.connect();
   }
 
   /** Gives the socket up. The browser itself notices a dead one only after minutes. */

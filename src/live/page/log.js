@@ -10,7 +10,7 @@ const KEPT = 500;
 /** Without the folder of a saved picture, which fills lines. */
 const short = (text) => text.replace(/ picture=\S*\//, " picture=");
 
-export function log(connection) {
+export function log(connection, show = showScript) {
   const list = h("ol", { class: "lines", "aria-label": t("log"), tabindex: 0 });
   const empty = h("p", { class: "quiet" }, t("log_empty"));
   const option = (value, text) => h("option", { value }, text);
@@ -45,7 +45,7 @@ export function log(connection) {
     know(name);
     const where = name && number ? h("button", {
       type: "button", class: "link where", title: t("show_line", { line: number, name }),
-      onclick: () => showScript(name, number),
+      onclick: () => show(name, number),
     }, `${name}:${number}`) : name ? h("span", { class: "where" }, name) : null;
     const element = h("li", { class: kind, "data-level": kind, "data-behaviour": name ?? "" },
       h("time", {}, time.format(new Date(at))), where, h("span", { class: "text", title: text }, short(text)));

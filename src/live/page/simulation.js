@@ -9,7 +9,7 @@ const FAULTS = {
   no_power: { for: 60 }, power_jumps: { for: 30 }, dock_lost: { for: 60 },
 };
 
-const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 
 /** The simulation's own clock, if it has one. */
 function clock(connection, change) {

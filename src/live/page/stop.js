@@ -79,7 +79,7 @@ export function emergencyStop(connection, changed) {
     requests.add(ended);
     const limit = setTimeout(() => ended.abort(), TIMEOUT);
     try {
-      const answer = await fetch("/api/stop", { method: "POST", keepalive: true, priority: "high", signal: ended.signal });
+      const answer = await fetch(`${connection.base}/api/stop`, { method: "POST", keepalive: true, priority: "high", signal: ended.signal });
       if (answer.ok) {
         const said = await answer.json();
         hear(meaning(said.stop_confirmation ?? "sending", "up"));

@@ -247,6 +247,11 @@ export const language = LANGUAGES[COLUMN];
 /** The languages with their native names. */
 export const languages = [["en", "English"], ["de", "Deutsch"], ["it", "Italiano"]];
 
+/** Adds the texts of another page. */
+export function addTexts(more) {
+  Object.assign(TEXTS, more);
+}
+
 /** Returns the text of a key with `{name}` replaced; the key itself if it has no text. */
 export function t(key, values = {}) {
   const text = TEXTS[key]?.[COLUMN] ?? key;

@@ -91,9 +91,14 @@ pub enum Received {
 impl Page {
     /// Opens a page; returns the status if it is refused.
     pub async fn open(address: &str, headers: &str) -> Result<Page, u16> {
+        Page::open_at(address, "/live", headers).await
+    }
+
+    /// The same for another path.
+    pub async fn open_at(address: &str, path: &str, headers: &str) -> Result<Page, u16> {
         let mut stream = TcpStream::connect(address).await.unwrap();
         let request = format!(
-            "GET /live HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+            "GET {path} HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
              Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n{headers}\r\n"
         );
         stream.write_all(request.as_bytes()).await.unwrap();

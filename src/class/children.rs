@@ -1,0 +1,234 @@
+//! The runs of the learners: starts and ends their processes, tells them to stand, and passes on what
+//! viewers ask of them. A run ends with its server: its process dies with this thread, and with the
+//! connection to it.
+
+use std::io::{self, Write as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+use axum::body::Body;
+use axum::extract::Request;
+use axum::http::header::{CONNECTION, CONTENT_TYPE, HOST, HeaderName, HeaderValue, UPGRADE};
+use axum::http::{StatusCode, Uri};
+use axum::response::{IntoResponse as _, Response};
+use futures_util::StreamExt as _;
+use hyper::client::conn::http1::handshake;
+use hyper_util::rt::TokioIo;
+use tokio::io::copy_bidirectional;
+use tokio::process::{Child as Process, Command};
+use tokio::time::{Instant, timeout};
+use tokio_util::codec::{FramedRead, LinesCodec};
+use tokio_util::task::AbortOnDropHandle;
+
+use super::learner::{LEARNER, RunNews, RunPlan};
+use crate::control::{self, RunRequest};
+use crate::files::Folder;
+use crate::http::{ROLE, Refusal};
+use crate::sandbox::{self, SandboxPolicy, WORKER_ARGUMENT};
+
+/// CPU time of a run, in seconds: an hour of work.
+const CPU_SECONDS: u64 = 3600;
+/// Maximum length of what a run tells its server at once, in bytes.
+const MAX_NEWS: usize = 64 << 10;
+/// How long a run may take to answer.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
+/// Headers of a request that a run needs, and of its answer that a page needs.
+const PASSED: [HeaderName; 3] = [
+    CONTENT_TYPE,
+    HeaderName::from_static("sec-websocket-key"),
+    HeaderName::from_static("sec-websocket-version"),
+];
+const RETURNED: [HeaderName; 4] = [
+    CONTENT_TYPE,
+    CONNECTION,
+    UPGRADE,
+    HeaderName::from_static("sec-websocket-accept"),
+];
+
+/// Where runs are started.
+#[derive(Debug)]
+pub(super) struct Launcher {
+    executable: PathBuf,
+    /// The folder of their sockets.
+    folder: Folder,
+}
+
+impl Launcher {
+    /// Uses this folder for sockets, and removes those of a killed server.
+    pub(super) fn new(sockets: &Path) -> io::Result<Launcher> {
+        let folder = Folder::make(sockets)?;
+        for name in folder.names()? {
+            // Also lists the folder itself, which stays.
+            let _ = folder.remove(&name);
+        }
+        Ok(Launcher {
+            executable: std::env::current_exe()?,
+            folder,
+        })
+    }
+
+    /// Starts a run, and calls `hear` with what happens, at last with `None` when the process has
+    /// ended. Only on a thread that lives as long as the server: the run dies with it.
+    pub(super) fn start(
+        &self,
+        plan: &RunPlan,
+        number: u64,
+        hear: impl Fn(Option<RunNews>) + Send + 'static,
+    ) -> io::Result<Child> {
+        let name = number.to_string();
+        let listener = UnixListener::bind(self.folder.socket_path(&name))?;
+        let policy = SandboxPolicy {
+            read: vec![plan.folder.clone()],
+            write: vec![plan.data.clone()],
+            cpu_seconds: CPU_SECONDS,
+            serves: true,
+        };
+        Folder::make(&plan.data)?;
+        let arguments = [WORKER_ARGUMENT, LEARNER];
+        let (mut command, _) = sandbox::command(&self.executable, &arguments, &policy)?;
+        command.stdin(OwnedFd::from(listener)).stderr(Stdio::null());
+        let process = Command::from(command).kill_on_drop(true).spawn()?;
+        let socket = PathBuf::from(self.folder.socket_path(&name));
+        let mut server = UnixStream::connect(&socket)?;
+        server.set_write_timeout(Some(ANSWER_TIMEOUT))?;
+        writeln!(server, "{}", serde_json::to_string(plan)?)?;
+        server.set_nonblocking(true)?;
+        let heard = tokio::net::UnixStream::from_std(server.try_clone()?)?;
+        let mut heard = FramedRead::new(heard, LinesCodec::new_with_max_length(MAX_NEWS));
+        let hearing = tokio::spawn(async move {
+            while let Some(Ok(line)) = heard.next().await {
+                hear(serde_json::from_str(&line).ok());
+            }
+            hear(None);
+        });
+        Ok(Child {
+            socket,
+            process,
+            server,
+            _hearing: AbortOnDropHandle::new(hearing),
+            ended: None,
+        })
+    }
+}
+
+/// A run. Dropping it ends its process.
+#[derive(Debug)]
+pub(super) struct Child {
+    socket: PathBuf,
+    process: Process,
+    /// The connection that the run ends with.
+    server: UnixStream,
+    _hearing: AbortOnDropHandle<()>,
+    /// Since when its script does not run.
+    pub(super) ended: Option<Instant>,
+}
+
+impl Child {
+    /// Where viewers reach it.
+    pub(super) fn socket(&self) -> PathBuf {
+        self.socket.clone()
+    }
+
+    /// Makes everything in it stand, or go on.
+    pub(super) fn hold(&mut self, held: bool) -> io::Result<()> {
+        let order: &[u8] = if held { b"hold\n" } else { b"go on\n" };
+        self.server.write_all(order)
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        let _ = self.process.start_kill();
+        let _ = std::fs::remove_file(&self.socket);
+    }
+}
+
+/// Ends the script of the run with this socket; its robot stays where it is.
+pub(super) async fn end_script(socket: PathBuf, name: String) -> Result<(), Refusal> {
+    let stream = UnixStream::connect(&socket).map_err(|_| no_run())?;
+    stream.set_nonblocking(true).map_err(|_| no_run())?;
+    let request = RunRequest::Behaviour {
+        name,
+        change: crate::agent::Change::Stop,
+        lasts: None,
+    };
+    let answer = control::ask(stream, &request, ANSWER_TIMEOUT).await;
+    answer.map(drop).map_err(|_| no_run())
+}
+
+pub(super) fn no_run() -> Refusal {
+    Refusal::new(StatusCode::NOT_FOUND, "there is no run: press Run first")
+}
+
+/// Passes a request on to the run with this socket, under this path. Nothing else of the request goes
+/// there but its method, its body and what a WebSocket needs.
+pub(super) async fn pass_on(
+    socket: &Path,
+    path: &'static str,
+    may_change: bool,
+    request: Request,
+) -> Response {
+    let passed = timeout(ANSWER_TIMEOUT, pass(socket, path, may_change, request));
+    match passed.await {
+        Ok(Ok(response)) => response,
+        _ => no_run().into_response(),
+    }
+}
+
+async fn pass(
+    socket: &Path,
+    path: &'static str,
+    may_change: bool,
+    mut request: Request,
+) -> io::Result<Response> {
+    let stream = tokio::net::UnixStream::connect(socket).await?;
+    let (mut sender, connection) = handshake(TokioIo::new(stream))
+        .await
+        .map_err(io::Error::other)?;
+    let connection = tokio::spawn(connection.with_upgrades());
+    let page = hyper::upgrade::on(&mut request);
+    let (head, body) = request.into_parts();
+    let is_socket = head.headers.contains_key(UPGRADE);
+    let body = if is_socket { Body::empty() } else { body };
+    let mut onward = Request::new(body);
+    *onward.method_mut() = head.method;
+    *onward.uri_mut() = Uri::from_static(path);
+    let headers = onward.headers_mut();
+    for name in PASSED {
+        headers.extend(head.headers.get(&name).map(|value| (name, value.clone())));
+    }
+    headers.insert(HOST, HeaderValue::from_static("localhost"));
+    if is_socket {
+        headers.insert(CONNECTION, HeaderValue::from_static("upgrade"));
+        headers.insert(UPGRADE, HeaderValue::from_static("websocket"));
+    }
+    if !may_change {
+        headers.insert(ROLE, HeaderValue::from_static("viewer"));
+    }
+    let mut answer = sender
+        .send_request(onward)
+        .await
+        .map_err(io::Error::other)?;
+    let run = hyper::upgrade::on(&mut answer);
+    let (head, body) = answer.into_parts();
+    let mut response = Response::new(Body::new(body));
+    *response.status_mut() = head.status;
+    for name in RETURNED {
+        let value = head.headers.get(&name).cloned();
+        response
+            .headers_mut()
+            .extend(value.map(|value| (name, value)));
+    }
+    if head.status == StatusCode::SWITCHING_PROTOCOLS {
+        tokio::spawn(async move {
+            let _connection = AbortOnDropHandle::new(connection);
+            if let (Ok(page), Ok(run)) = (page.await, run.await) {
+                let _ = copy_bidirectional(&mut TokioIo::new(page), &mut TokioIo::new(run)).await;
+            }
+        });
+    }
+    Ok(response)
+}

@@ -1,0 +1,259 @@
+//! A learner's run: a simulation in a confined process of its own, in virtual time whose clock keeps
+//! pace with the real one, so that it can be slow, and stand. Nothing but its server reaches it, by
+//! the private socket that is its standard input. The first connection tells it what to run; the run
+//! ends with that connection. The others are those of viewers.
+
+use std::ffi::OsString;
+use std::io::{self, BufRead as _, BufReader, Read as _, Write as _};
+use std::os::fd::AsFd as _;
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::PathBuf;
+use std::process::{ExitCode, exit};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tokio::sync::{mpsc, watch};
+use tokio::time::Instant;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::{EnvFilter, Registry};
+
+use crate::agent::{Agent, Behaviour, BehaviourSpec, Change, Plan, Roster};
+use crate::behaviour::{Launch, Library, RestartPolicy, STACK, is_failure};
+use crate::config::Config;
+use crate::control::{EmergencyStop, Run, SimulatedRobot};
+use crate::live::{self, LogTap, RunDefinition, Script, WebContext};
+use crate::pilot::{LinkState, Status};
+use crate::robot::{AgentEvent, BusMessage, EndReason, Listener, Priority, Streams};
+use crate::sandbox::confined_main;
+use crate::sim::{self, World};
+use crate::simulation::{self, SimClock, Simulation, TimeScale};
+use crate::timetable::View;
+use crate::{script, simulation::Options};
+
+/// The hidden argument that selects this purpose of a confined process.
+pub const LEARNER: &str = "learner";
+/// Maximum length of what the server tells a run, in bytes.
+const MAX_TOLD: u64 = 2 << 20;
+/// How long the process waits for a server that does not read what happened.
+const TELL_TIMEOUT: Duration = Duration::from_secs(2);
+/// A script that cannot be interrupted for this long ends the run.
+const STUCK_LIMIT: Duration = Duration::from_secs(5);
+
+/// What to run. Without a source the robot stands in its world.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct RunPlan {
+    /// The script's name, such as `03-moving`; its file is `03-moving.lua` in `folder`.
+    pub(super) name: String,
+    pub(super) source: Option<String>,
+    /// The learner's folder, in which modules are found.
+    pub(super) folder: PathBuf,
+    /// Where the script saves.
+    pub(super) data: PathBuf,
+    /// A built-in world.
+    pub(super) world: String,
+    /// Simulated seconds per second.
+    pub(super) speed: f64,
+    pub(super) seed: u64,
+}
+
+/// What happened in a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum RunNews {
+    Started,
+    Ended {
+        /// What went wrong, for the script's author; `None`: nothing.
+        error: Option<String>,
+    },
+}
+
+/// The main function of the process. The arguments describe its `SandboxPolicy`.
+pub fn learner_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    confined_main(arguments, "learner", STACK, play)
+}
+
+fn play() -> io::Result<()> {
+    let filter = EnvFilter::new("warn,spykee=info");
+    let log = Registry::default().with(filter).with(LogTap);
+    let _ = tracing::dispatcher::set_global_default(log.into());
+    let listener = UnixListener::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let (server, _) = listener.accept()?;
+    server.set_write_timeout(Some(TELL_TIMEOUT))?;
+    let mut told = BufReader::new(server.try_clone()?.take(MAX_TOLD));
+    let mut line = String::new();
+    told.read_line(&mut line)?;
+    let plan: RunPlan = serde_json::from_str(&line)?;
+    let unknown = || io::Error::other("there is no such world");
+    let world = World::builtin(&plan.world).ok_or_else(unknown)?;
+    let clock = SimClock::default();
+    clock.set_time_scale(TimeScale::new(plan.speed).unwrap_or(TimeScale::REAL));
+    let held = clock.clone();
+    std::thread::Builder::new()
+        .name("server".to_owned())
+        .spawn(move || obey(told, &held))?;
+    script::when_stuck(STUCK_LIMIT, |_| exit(1));
+    let options = Options {
+        seed: plan.seed,
+        sim: sim::Options {
+            faults: Some(Vec::new()),
+            ..sim::Options::default()
+        },
+        sim_clock: Some(clock),
+        ..Options::default()
+    };
+    simulation::run(world, options, async |simulation: &Simulation| {
+        drive(simulation, plan, listener, server).await
+    })?
+}
+
+/// Holds the clock and lets it go on, as the server says; ends the process with the server.
+fn obey(told: impl io::BufRead, clock: &SimClock) {
+    for line in told.lines().map_while(Result::ok) {
+        clock.hold(line == "hold");
+    }
+    exit(0);
+}
+
+async fn drive(
+    simulation: &Simulation,
+    plan: RunPlan,
+    listener: UnixListener,
+    server: UnixStream,
+) -> io::Result<()> {
+    let definition = watch::channel(RunDefinition {
+        scripts: plan.script().into_iter().collect(),
+        timetable: None,
+    });
+    let agent_plan = Plan {
+        stays: true,
+        specs: plan.spec(simulation).into_iter().collect(),
+        ..simulation.plan(Vec::new())
+    };
+    let bus = agent_plan.pilot.bus.clone();
+    let events = bus.subscribe();
+    let for_page = bus.subscribe();
+    let (agent, status) = Agent::new(agent_plan);
+    let (_view, seen) = View::channel();
+    let run = Run {
+        requests: agent.requests(),
+        roster: agent.roster(),
+        status: status.clone(),
+        pictures: agent.pictures(),
+        reactions: agent.reactions(),
+        end: None,
+        emergency_stop: EmergencyStop::simulated(&bus),
+        streams: Streams::default(),
+        target: "a simulation".to_owned(),
+        simulated: true,
+        sim: Some(SimulatedRobot {
+            robot: simulation.sim().clone(),
+            sim_clock: simulation.sim_clock(),
+        }),
+        began: Instant::now(),
+        view: seen,
+        timetable: mpsc::channel(1).0,
+    };
+    let context = WebContext {
+        run,
+        definition: definition.1,
+        bus: for_page,
+        log: live::tap(),
+        data: plan.data.clone(),
+    };
+    let _page = live::serve_privately(context, listener).map_err(io::Error::other)?;
+    let roster = agent.roster();
+    tokio::spawn(follow(plan, roster, status, events, server));
+    let ended = agent.run(simulation.stop()).await;
+    ended.map(drop).map_err(io::Error::other)
+}
+
+/// Starts the script when the robot is there, and tells the server how it goes.
+async fn follow(
+    plan: RunPlan,
+    roster: Roster,
+    mut status: watch::Receiver<Status>,
+    mut events: Listener,
+    mut server: UnixStream,
+) {
+    let mut tell = move |news: &RunNews| {
+        let line = serde_json::to_string(news).unwrap_or_default();
+        // A server that is gone ends this process.
+        let _ = server.write_all(format!("{line}\n").as_bytes());
+    };
+    let up = status.wait_for(|status| status.link == LinkState::Up);
+    let is_up = up.await.is_ok();
+    if !is_up || plan.source.is_none() {
+        return;
+    }
+    let start = roster.change(Change::Start, &plan.name, None, "the learner");
+    if let Err(error) = start.await {
+        let error = Some(error.to_string());
+        tell(&RunNews::Ended { error });
+    }
+    while let Some(message) = events.next().await {
+        let BusMessage::Event(event) = message else {
+            continue;
+        };
+        match &event.what {
+            AgentEvent::Started { .. } => tell(&RunNews::Started),
+            AgentEvent::Ended {
+                reason, message, ..
+            } => tell(&RunNews::Ended {
+                error: what_failed(*reason, message.as_deref()),
+            }),
+            _ => {}
+        }
+    }
+}
+
+fn what_failed(reason: EndReason, message: Option<&str>) -> Option<String> {
+    if is_failure(reason) {
+        Some(message.unwrap_or(reason.sentence()).to_owned())
+    } else {
+        None
+    }
+}
+
+impl RunPlan {
+    fn file(&self) -> String {
+        format!("{}.lua", self.name)
+    }
+
+    /// The script as the page shows it.
+    fn script(&self) -> Option<Script> {
+        Some(Script {
+            name: self.name.clone(),
+            file: self.file().into(),
+            source: self.source.clone()?,
+            params: Vec::new(),
+        })
+    }
+
+    fn spec(&self, simulation: &Simulation) -> Option<BehaviourSpec> {
+        let source = self.source.clone()?.into_bytes();
+        let options = script::Options {
+            data_dir: Some(self.data.clone()),
+            detections: true,
+            camera: simulation.sim().world().camera.calibrated(),
+            ..Config::default().script(self.name.clone(), self.file(), self.seed)
+        };
+        let launch = Launch {
+            source,
+            options,
+            library: Library::new(self.folder.clone()),
+        };
+        Some(BehaviourSpec::new(
+            self.name.clone(),
+            Priority(0),
+            move || {
+                Ok(Behaviour {
+                    priority: Priority(0),
+                    launch: launch.clone(),
+                    checked: false,
+                    restart: RestartPolicy::Never,
+                    reloads: None,
+                })
+            },
+        ))
+    }
+}

@@ -1,0 +1,615 @@
+//! The requests of the pages. A request is checked like one of the live page (`Host`, `Origin`); then
+//! a cookie tells whose it is. A learner's requests concern the learner's own files and run only; the
+//! teacher may name any learner in the path.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::ws::{Message, WebSocket};
+use axum::extract::{
+    ConnectInfo, DefaultBodyLimit, FromRequestParts, Query, RawPathParams, Request, State,
+    WebSocketUpgrade,
+};
+use axum::http::StatusCode;
+use axum::http::header::{self, HeaderMap, HeaderValue};
+use axum::http::request::Parts;
+use axum::middleware::{Next, from_fn_with_state};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{MethodRouter, get, post};
+use axum::{Json, Router};
+use data_encoding::HEXLOWER;
+use qrcode::{Color, EcLevel, QrCode};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use tokio::time::{Instant, sleep, timeout};
+
+use super::children::{no_run, pass_on};
+use super::files::{MAX_TEXT, Text, Written};
+use super::members::{Device, TEACHER};
+use super::{Caller, Class, internal, unknown_name};
+use crate::http::{self, Access, Refusal, Role, Visitor};
+use crate::live::{installed, page_files, served};
+use crate::sim::World;
+use crate::{api, files};
+
+type Shared = State<Arc<Class>>;
+type Reply<T = Json<Value>> = Result<T, Refusal>;
+
+/// Name of the cookie of a learner's device.
+const COOKIE: &str = "spykee_class";
+/// How long a browser keeps it, in seconds: a school year.
+const COOKIE_AGE: u32 = 400 * 24 * 60 * 60;
+/// Maximum length of a request's body: a text whose characters are all escaped in JSON.
+const MAX_BODY: usize = 2 * MAX_TEXT;
+/// A page's state is sent at most this often, and something at least so often.
+const STATE_PAUSE: Duration = Duration::from_millis(200);
+const PING: Duration = Duration::from_secs(2);
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// Where the bundles of the editor are, seen from the program's folder: see `live/book.rs`.
+const BUNDLES: [&str; 2] = ["../share/spykee/editor", "../editor"];
+const MAX_BUNDLE: u64 = 8 << 20;
+const HTML: &str = "text/html; charset=utf-8";
+const JS: &str = "text/javascript; charset=utf-8";
+const FILES: &[(&str, &str, &str)] = &[
+    (
+        "/class/style.css",
+        "text/css; charset=utf-8",
+        include_str!("page/style.css"),
+    ),
+    ("/class/workspace.js", JS, include_str!("page/workspace.js")),
+    ("/class/wall.js", JS, include_str!("page/wall.js")),
+    ("/class/texts.js", JS, include_str!("page/texts.js")),
+    ("/class/script.js", JS, include_str!("page/script.js")),
+    ("/class/server.js", JS, include_str!("page/server.js")),
+    ("/class/robot.js", JS, include_str!("page/robot.js")),
+    ("/class/lesson.js", JS, include_str!("page/lesson.js")),
+    ("/class/plain.js", JS, include_str!("page/plain.js")),
+];
+
+pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
+    let add = |router: Router<_>, &(path, kind, text): &(_, _, &'static str)| {
+        router.route(path, served(kind, text.as_bytes()))
+    };
+    let pages = FILES.iter().fold(Router::new(), add).merge(page_files());
+    let pages = pages
+        .route("/", served(HTML, include_bytes!("page/index.html")))
+        .route("/wall", served(HTML, include_bytes!("page/wall.html")));
+    let all = Router::new()
+        .nest("/class", workspace())
+        .nest("/class/of/{name}", workspace())
+        .route("/class/join", post(join))
+        .route("/class/me", get(me))
+        .route("/class/events", get(events))
+        .route("/class/marks", post(marks))
+        .route("/class/completions.json", get(completions))
+        .route("/class/lessons", get(lessons))
+        .route("/class/editor.js", bundle("editor.js"))
+        .route("/class/blocks.js", bundle("blocks.js"))
+        .route("/class/admit", post(admit))
+        .route("/class/dismiss", post(dismiss))
+        .route("/class/freeze", post(freeze))
+        .route("/class/show", post(show))
+        .route("/class/lock", post(lock))
+        .route("/class/lesson", post(lesson_for_all))
+        .route("/class/points.csv", get(points))
+        .route("/class/qr", get(qr))
+        .layer(DefaultBodyLimit::max(MAX_BODY))
+        .layer(from_fn_with_state(class.clone(), recognise))
+        .with_state(class);
+    all.merge(pages)
+        .merge(http::routes(access.clone()))
+        .layer(from_fn_with_state(access, http::guard_request))
+}
+
+/// What there is in each workspace.
+fn workspace() -> Router<Arc<Class>> {
+    Router::new()
+        .route("/script", get(script).put(write_script))
+        .route("/run", post(run))
+        .route("/reset", post(reset))
+        .route("/stop", post(stop))
+        .route("/check", post(check))
+        .route("/live", get(live))
+}
+
+/// A bundle that `scripts/editor` has built, where it is installed.
+fn bundle(name: &'static str) -> MethodRouter<Arc<Class>> {
+    let missing = "The editor is not installed here. In a checkout, scripts/editor builds it.\n";
+    get(move || async move {
+        let read = move || files::read(&installed(BUNDLES, name)?.join(name), MAX_BUNDLE).ok();
+        match tokio::task::spawn_blocking(read).await {
+            Ok(Some(bytes)) => ([(header::CONTENT_TYPE, JS)], bytes).into_response(),
+            _ => (StatusCode::NOT_FOUND, missing).into_response(),
+        }
+    })
+}
+
+/// Middleware: finds out whose a request is.
+async fn recognise(State(class): Shared, mut request: Request, next: Next) -> Response {
+    let visitor = request.extensions().get::<Option<Visitor>>();
+    let is_teacher = matches!(visitor, Some(Some(visitor)) if visitor.role == Role::Driver);
+    let caller = match http::cookie(request.headers(), COOKIE) {
+        _ if is_teacher => Caller::Teacher,
+        Some(cookie) => {
+            if let Device::Admitted(name) = class.state.lock().members.device(cookie) {
+                http::count_as_member(&request, &name);
+            }
+            Caller::Device(cookie.to_owned())
+        }
+        None => Caller::Nobody,
+    };
+    request.extensions_mut().insert(caller);
+    next.run(request).await
+}
+
+impl<S: Sync> FromRequestParts<S> for Caller {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Caller, Refusal> {
+        let caller = parts.extensions.get::<Caller>().cloned();
+        Ok(caller.unwrap_or(Caller::Nobody))
+    }
+}
+
+/// A request of the teacher.
+struct Teacher;
+
+impl<S: Sync> FromRequestParts<S> for Teacher {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Teacher, Refusal> {
+        match parts.extensions.get::<Caller>() {
+            Some(Caller::Teacher) => Ok(Teacher),
+            _ => Err(Refusal::new(
+                StatusCode::FORBIDDEN,
+                "only the teacher may do this",
+            )),
+        }
+    }
+}
+
+/// The workspace that a request concerns: that in its path, or else the caller's own.
+struct Target {
+    name: String,
+    may_change: bool,
+}
+
+impl FromRequestParts<Arc<Class>> for Target {
+    type Rejection = Refusal;
+
+    async fn from_request_parts(parts: &mut Parts, class: &Arc<Class>) -> Result<Target, Refusal> {
+        let caller = Caller::from_request_parts(parts, class).await?;
+        let params = RawPathParams::from_request_parts(parts, class).await;
+        let params = params.map_err(|_| unknown_name())?;
+        let named = params.iter().find(|(key, _)| *key == "name");
+        let named = named.map(|(_, name)| name.to_owned());
+        let state = class.state.lock();
+        let own = match &caller {
+            Caller::Teacher => Some(TEACHER.to_owned()),
+            Caller::Device(cookie) => match state.members.device(cookie) {
+                Device::Admitted(name) => Some(name),
+                _ => None,
+            },
+            Caller::Nobody => None,
+        };
+        let join_first = || Refusal::new(StatusCode::UNAUTHORIZED, "join the class first");
+        let own = own.ok_or_else(join_first)?;
+        let name = match named {
+            None => own,
+            Some(name) if name == own => own,
+            Some(name) if caller == Caller::Teacher => name,
+            // The teacher's screen, while it is shown to all.
+            Some(name) if name == TEACHER && state.shown => {
+                let may_change = false;
+                return Ok(Target { name, may_change });
+            }
+            Some(_) => {
+                let why = "this is another learner's";
+                return Err(Refusal::new(StatusCode::FORBIDDEN, why));
+            }
+        };
+        if name != TEACHER && !state.members.learners.contains_key(&name) {
+            return Err(unknown_name());
+        }
+        let may_change = true;
+        Ok(Target { name, may_change })
+    }
+}
+
+impl Target {
+    /// The workspace, for a request that changes something in it.
+    fn to_change(self) -> Result<String, Refusal> {
+        if self.may_change {
+            return Ok(self.name);
+        }
+        Err(Refusal::new(StatusCode::FORBIDDEN, "you may only look"))
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Join {
+    word: String,
+    name: String,
+}
+
+async fn join(
+    State(class): Shared,
+    ConnectInfo(from): ConnectInfo<SocketAddr>,
+    headers: HeaderMap,
+    Json(join): Json<Join>,
+) -> Reply<Response> {
+    let cookie = HEXLOWER.encode(&rand::random::<[u8; 32]>());
+    let mut state = class.change();
+    let joined = state
+        .members
+        .join(&join.word, &join.name, &cookie, from.ip(), Instant::now());
+    joined.map_err(|error| Refusal::new(StatusCode::FORBIDDEN, error.to_string()))?;
+    let cookie = http::set_cookie(COOKIE, &cookie, COOKIE_AGE, &headers);
+    let cookie = cookie.unwrap_or(HeaderValue::from_static(""));
+    Ok(([(header::SET_COOKIE, cookie)], Json(json!({}))).into_response())
+}
+
+async fn me(State(class): Shared, caller: Caller) -> Json<Option<Value>> {
+    Json(class.view(&caller, Instant::now()))
+}
+
+async fn events(State(class): Shared, caller: Caller, upgrade: WebSocketUpgrade) -> Response {
+    let upgrade = upgrade.max_message_size(1024).max_frame_size(1024);
+    upgrade.on_upgrade(move |socket| follow(class, caller, socket))
+}
+
+/// Counts an open page while it lives.
+struct Presence {
+    class: Arc<Class>,
+    name: String,
+}
+
+impl Presence {
+    fn new(class: Arc<Class>, view: &Value) -> Presence {
+        let name = view["name"].as_str().filter(|_| view["admitted"] == true);
+        let name = name.unwrap_or_default().to_owned();
+        if let Some(member) = class.change().member(&name) {
+            member.pages += 1;
+            member.act(Instant::now());
+        }
+        Presence { class, name }
+    }
+}
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        if let Some(member) = self.class.change().member(&self.name) {
+            member.pages = member.pages.saturating_sub(1);
+        }
+    }
+}
+
+/// Sends a page its state, as long as it may see any.
+async fn follow(class: Arc<Class>, caller: Caller, mut socket: WebSocket) {
+    let mut changed = class.changed.subscribe();
+    let mut sent = Value::Null;
+    let mut presence: Option<Presence> = None;
+    while let Some(view) = class.view(&caller, Instant::now()) {
+        let name = view["name"].as_str().filter(|_| view["admitted"] == true);
+        if let Some(name) = name
+            && presence.as_ref().is_none_or(|one| one.name != name)
+        {
+            presence = Some(Presence::new(class.clone(), &view));
+        }
+        let message = if view == sent {
+            Message::Ping(Default::default())
+        } else {
+            Message::Text(view.to_string().into())
+        };
+        sent = view;
+        if !matches!(
+            timeout(SEND_TIMEOUT, socket.send(message)).await,
+            Ok(Ok(()))
+        ) {
+            return;
+        }
+        sleep(STATE_PAUSE).await;
+        tokio::select! {
+            _ = changed.changed() => {}
+            () = sleep(PING) => {}
+            message = socket.recv() => if !matches!(message, Some(Ok(_))) {
+                return;
+            },
+        }
+    }
+}
+
+#[derive(Deserialize)]
+struct Which {
+    lesson: String,
+    /// Whether the state of the blocks is meant instead of the script.
+    #[serde(default)]
+    blocks: bool,
+}
+
+impl Which {
+    fn file(&self, class: &Class) -> Result<String, Refusal> {
+        let ending = if self.blocks { "blocks.json" } else { "lua" };
+        Ok(format!("{}.{ending}", class.place(&self.lesson)?))
+    }
+}
+
+async fn script(
+    State(class): Shared,
+    target: Target,
+    Query(which): Query<Which>,
+) -> Reply<Json<Text>> {
+    let file = which.file(&class)?;
+    let starter = class
+        .lesson(&which.lesson)
+        .map_or("", |lesson| lesson.starter);
+    let starter = if which.blocks { "" } else { starter };
+    let read = class.block(move |class| class.files.read(&target.name, &file));
+    let text = read.await?.map_err(internal)?;
+    Ok(Json(text.unwrap_or_else(|| Text {
+        text: starter.to_owned(),
+        version: String::new(),
+    })))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NewText {
+    text: String,
+    version: String,
+    /// Whether the present script is kept first: something else than the editor replaces it.
+    #[serde(default)]
+    keep: bool,
+}
+
+async fn write_script(
+    State(class): Shared,
+    target: Target,
+    Query(which): Query<Which>,
+    Json(new): Json<NewText>,
+) -> Reply<Response> {
+    let name = target.to_change()?;
+    let file = which.file(&class)?;
+    if new.text.len() > MAX_TEXT {
+        let why = "this text is too long: at most 256 KiB";
+        return Err(Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, why));
+    }
+    let now = Instant::now();
+    let writer = name.clone();
+    let script = format!("{}.lua", which.lesson);
+    let write = move |class: &Class| {
+        if new.keep {
+            class.files.keep(&writer, &script)?;
+        }
+        class
+            .files
+            .write(&writer, &file, &new.text, &new.version, now)
+    };
+    let written = class.block(write).await?.map_err(internal)?;
+    let mut edits = 0;
+    if let Some(member) = class.change().member(&name) {
+        member.act(now);
+        member.place = which.lesson;
+        member.edits += 1;
+        edits = member.edits;
+    }
+    Ok(match written {
+        Written::Done(version) => {
+            Json(json!({ "version": version, "edits": edits })).into_response()
+        }
+        Written::Conflict(newest) => (StatusCode::CONFLICT, Json(newest)).into_response(),
+    })
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RunOrder {
+    lesson: String,
+    world: Option<String>,
+    #[serde(default = "real_speed")]
+    speed: f64,
+}
+
+fn real_speed() -> f64 {
+    1.0
+}
+
+async fn run(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
+    start(state, target, order, true).await
+}
+
+async fn reset(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
+    start(state, target, order, false).await
+}
+
+async fn start(
+    State(class): Shared,
+    target: Target,
+    Json(order): Json<RunOrder>,
+    script: bool,
+) -> Reply {
+    let name = target.to_change()?;
+    let started = class.start(&name, &order.lesson, order.world, order.speed, script);
+    started.await?;
+    Ok(Json(json!({})))
+}
+
+async fn stop(State(class): Shared, target: Target) -> Reply {
+    class.stop(&target.to_change()?).await?;
+    Ok(Json(json!({})))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CheckOrder {
+    lesson: String,
+}
+
+async fn check(State(class): Shared, target: Target, Json(order): Json<CheckOrder>) -> Reply {
+    let name = target.to_change()?;
+    // In a task of its own: it goes on when the page is closed.
+    let checking = tokio::spawn(async move { class.check(&name, &order.lesson).await });
+    checking.await.map_err(internal)?.map(Json)
+}
+
+/// The camera, the map and the log of a run: the WebSocket of the live page.
+async fn live(State(class): Shared, target: Target, request: Request) -> Reply<Response> {
+    let socket = {
+        let state = class.state.lock();
+        let run = state.runs.get(&target.name).ok_or_else(no_run)?;
+        run.child.socket()
+    };
+    Ok(pass_on(&socket, "/live", target.may_change, request).await)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Marked {
+    text: String,
+    lesson: String,
+}
+
+async fn marks(State(class): Shared, target: Target, Json(marked): Json<Marked>) -> Reply {
+    let place = class.place(&marked.lesson)?;
+    class
+        .state
+        .lock()
+        .member(&target.name)
+        .ok_or_else(unknown_name)?;
+    let _permit = class.inspections.acquire().await.map_err(internal)?;
+    let file = class.files.of(&target.name).join(format!("{place}.lua"));
+    let found = class
+        .block(move |class| (class.tools.marks)(&marked.text, &file))
+        .await?;
+    found.map(Json).map_err(internal)
+}
+
+/// The table of the API for the editor.
+async fn completions() -> Json<Value> {
+    let function = |one: &api::Function| {
+        let kind = if one.is_method() {
+            "method"
+        } else {
+            "function"
+        };
+        json!({ "name": one.path, "kind": kind, "signature": one.signature(), "doc": one.doc })
+    };
+    let of_modules = api::modules().flat_map(|module| module.functions);
+    let functions = api::functions().chain(api::methods()).chain(of_modules);
+    let mut all: Vec<Value> = functions.map(function).collect();
+    all.extend(api::constants().map(
+        |one| json!({ "name": one.path, "kind": "constant", "signature": one.path, "doc": one.doc }),
+    ));
+    all.extend(api::events().map(
+        |one| json!({ "name": one.name, "kind": "event", "signature": one.name, "doc": one.doc }),
+    ));
+    Json(all.into())
+}
+
+async fn lessons(State(class): Shared, _: Target) -> Json<Value> {
+    let lesson = |one: &super::Lesson| json!({ "name": one.name, "title": one.title, "world": one.world, "text": one.readme });
+    let lessons: Vec<Value> = class.tools.lessons.iter().map(lesson).collect();
+    let worlds: Vec<&str> = World::builtin_names().collect();
+    let has = |name| installed(BUNDLES, name).is_some();
+    Json(json!({
+        "lessons": lessons, "worlds": worlds,
+        "editor": has("editor.js"), "blocks": has("blocks.js"),
+    }))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Decision {
+    id: u32,
+    admit: bool,
+}
+
+async fn admit(State(class): Shared, _: Teacher, Json(decision): Json<Decision>) -> Reply {
+    if !class.change().members.decide(decision.id, decision.admit) {
+        let why = "this device does not wait any more";
+        return Err(Refusal::new(StatusCode::NOT_FOUND, why));
+    }
+    class.save().await?;
+    Ok(Json(json!({})))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Name {
+    name: String,
+}
+
+async fn dismiss(State(class): Shared, _: Teacher, Json(Name { name }): Json<Name>) -> Reply {
+    {
+        let mut state = class.change();
+        if !state.members.dismiss(&name) {
+            return Err(unknown_name());
+        }
+        state.end_run(&name);
+    }
+    class.save().await?;
+    Ok(Json(json!({})))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Switch {
+    on: bool,
+}
+
+async fn freeze(
+    State(class): Shared,
+    _: Teacher,
+    Json(Switch { on }): Json<Switch>,
+) -> Json<Value> {
+    class.freeze(on);
+    Json(json!({}))
+}
+
+async fn show(State(class): Shared, _: Teacher, Json(Switch { on }): Json<Switch>) -> Json<Value> {
+    class.change().shown = on;
+    Json(json!({}))
+}
+
+async fn lock(State(class): Shared, _: Teacher, Json(Switch { on }): Json<Switch>) -> Json<Value> {
+    class.change().locked = on;
+    Json(json!({}))
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ForAll {
+    name: Option<String>,
+}
+
+async fn lesson_for_all(State(class): Shared, _: Teacher, Json(all): Json<ForAll>) -> Reply {
+    let lesson = all.name.map(|name| class.place(&name)).transpose()?;
+    class.change().lesson = lesson;
+    Ok(Json(json!({})))
+}
+
+async fn points(State(class): Shared, _: Teacher) -> impl IntoResponse {
+    let headers = [
+        (header::CONTENT_TYPE, "text/csv; charset=utf-8"),
+        (
+            header::CONTENT_DISPOSITION,
+            "attachment; filename=points.csv",
+        ),
+    ];
+    (headers, class.points())
+}
+
+/// The learners' link with the class word as a QR code: rows of `0` and `1`.
+async fn qr(State(class): Shared, _: Teacher) -> Reply {
+    let link = format!("{}#{}", class.link, class.word.replace(' ', "-"));
+    let code = QrCode::with_error_correction_level(&link, EcLevel::M).map_err(internal)?;
+    let dark = |colour: Color| if colour == Color::Dark { '1' } else { '0' };
+    let colours = code.to_colors();
+    let rows = colours.chunks(code.width());
+    let rows: Vec<String> = rows
+        .map(|row| row.iter().copied().map(dark).collect())
+        .collect();
+    Ok(Json(json!({ "link": class.link, "rows": rows })))
+}
