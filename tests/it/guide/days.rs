@@ -231,6 +231,8 @@ async fn add_page(flat: &Flat, days: &mut BTreeMap<i8, Day>) {
     let broker = Broker::start();
     let mqtt = broker.as_ref().map(Broker::config).unwrap_or_default();
     let config = std::fs::read_to_string(flat.folder.path().join("spykee.yaml")).unwrap();
+    // The command line would look for a service with the config's robot.
+    let config = config.replace("robot: 172.17.6.1\n", "");
     flat.file(
         "spykee.yaml",
         &format!("{config}live: {{ listen: {at} }}\n{mqtt}"),
@@ -342,7 +344,8 @@ async fn what_the_book_promises_for_a_day_happens() {
         assert_eq!(day.home, day.patrols);
         assert_eq!(day.patrols, sized(1, 2));
         assert!(day.seen >= day.patrols, "nobody was reported");
-        assert!(10 * day.seen >= 9 * day.alarms, "alarms without anybody");
+        // At the edge of the picture she may be gone in the next one.
+        assert!(5 * day.seen >= 4 * day.alarms, "alarms without anybody");
         assert!(day.gallery > 0 && day.gallery <= day.alarms);
         assert!(darkest > NOT_BLACK, "a black picture");
     }
