@@ -1,6 +1,7 @@
 -- patrol: drives round after round, each of several legs. At the end of each leg it looks around,
--- takes photographs, in the dark with its headlight, and logs the colours that it sees. When the battery runs low it goes home,
--- charges, leaves the station and continues with the leg that it had not finished; after a restart
+-- takes photographs, in the dark with its headlight, and logs the colours that it sees. Once in each round, after another leg
+-- each time, it stands still for a while: a guard beside it sees nobody while the robot moves. When the battery runs low it goes
+-- home, charges, leaves the station and continues with the leg that it had not finished; after a restart
 -- it does the same. Runs until it is stopped; with `rounds` it goes home after so many rounds, sends one
 -- message that sums them up when it is there, and ends.
 
@@ -10,6 +11,7 @@ local settings = params.declare({
 	leg = { default = 0.9, min = 0.1, max = 10, unit = "m", doc = "length of one leg" },
 	legs = { default = 4, min = 1, max = 12, doc = "legs of a round; the turns between them add up to a full circle" },
 	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "speed on a leg" },
+	watch = { default = 10, min = 0, max = 600, unit = "s", doc = "stands still so long once in a round, so that a guard sees who moves" },
 	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; at 20 % the watchdog docks" },
 	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 	rounds = { default = 0, min = 0, max = 1000, doc = "rounds until it goes home and ends; 0: goes on until it is stopped" },
@@ -129,7 +131,11 @@ local function patrol()
 	end
 	look_around()
 	robot.turn(2 * math.pi / settings.legs)
+	local watches = leg == (round - 1) % settings.legs + 1
 	next_leg()
+	if watches then
+		task.wait(settings.watch) -- after the turn: for a guard, the headlight that goes off is something that moves
+	end
 end
 
 local function charge()

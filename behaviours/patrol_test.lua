@@ -120,3 +120,10 @@ scenario("a tour that was cut short goes on at the next start", { battery = 90, 
 	expect(sim:docked() and #sim:log("round 3") == 0, "it drives what was left, and goes home")
 	expect(#sim:log("patrol: rounds: 2,") == 1, "it sums up the whole tour")
 end)
+
+scenario("stands still now and then, and the guard beside it sees who walks by", { world = "hall", battery = 90, fps = 8, limit = 400 }, function(sim)
+	sim:place({ x = 1.5 + 0.3 * math.random(), y = 2.4 + 0.4 * math.random(), heading = 0.4 * math.random() - 0.2 })
+	sim:run("patrol.lua", "guard.lua")
+	expect(sim:wait_until(function() return #sim:log("something moves") > 0 end, 350), "somebody walks by, and is seen")
+	expect(#legs(sim) > 0 and not sim:docked(), "the patrol is under way")
+end)

@@ -381,8 +381,7 @@ fn why_it_stands(one: &Record) -> String {
         "stop_reset" => format!("a person has released the robot: {by}"),
         "timetable_changed" => format!("{}: {by}", one.text("text")),
         _ => format!(
-            "the robot has stood for {:.0} min while {} runs: {}",
-            one.number("seconds").unwrap_or(0.0) / 60.0,
+            "the robot stands although {} runs: {}",
             one.text("behaviour"),
             one.text("reason")
         ),

@@ -69,7 +69,11 @@ pub(super) fn check_service(
     let mut automatic = Vec::new();
     let behaviours = loaded.behaviours.iter().zip(&mut loaded.specs);
     for (entry, (behaviour, spec)) in config.behaviours.iter().zip(behaviours) {
-        let read = read_source(&entry.file);
+        // What the loader could not read is empty.
+        let read = match behaviour.launch.source.is_empty() {
+            true => read_source(&entry.file).map(drop),
+            false => Ok(()),
+        };
         let is_scheduled = table.rules.iter().any(|rule| rule.run == spec.name());
         if entry.start != Some(Start::Asked) || is_scheduled {
             read?;
@@ -77,8 +81,8 @@ pub(super) fn check_service(
             continue;
         }
         let checked = match read {
-            Ok(_) if scripts => check::before_run([behaviour], console),
-            read => read.map(|_| ()),
+            Ok(()) if scripts => check::before_run([behaviour], console),
+            read => read,
         };
         if let Err(failure) = checked {
             let text = format!("`{}` cannot start: {}", spec.name(), failure.what);

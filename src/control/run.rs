@@ -224,7 +224,8 @@ impl Run {
     }
 
     /// Docks in the name of `by`, and ends the behaviours that drive as soon as nothing but this
-    /// docking moves the robot: none of them leaves the station a moment later.
+    /// docking moves the robot, or nobody waits for it any more: none of them leaves the station a
+    /// moment later.
     async fn dock(
         &self,
         mut client: PilotClient,
@@ -232,23 +233,23 @@ impl Run {
         by: &str,
     ) -> Result<DockOutcome, PilotClientError> {
         let mut status = self.status.clone();
-        let docking = client.dock(plan);
-        tokio::pin!(docking);
-        let begins = async {
-            let begun = status.wait_for(|status| status.safety != WatchdogState::Free);
-            begun.await.is_ok()
-        };
-        tokio::select! {
-            biased;
-            docked = &mut docking => docked,
-            _ = begins => {
-                let by = format!("docking, ordered by {by}");
-                if let Err(error) = self.roster.stop_drivers(by).await {
-                    warn!("the behaviours that drive go on: {error}");
-                }
-                docking.await
+        let roster = self.roster.clone();
+        let by = format!("docking, ordered by {by}");
+        let given_up = CancellationToken::new();
+        let waits = given_up.clone().drop_guard();
+        let ending = tokio::spawn(async move {
+            tokio::select! {
+                _ = status.wait_for(|status| status.safety != WatchdogState::Free) => {}
+                () = given_up.cancelled() => {}
             }
-        }
+            if let Err(error) = roster.stop_drivers(by).await {
+                warn!("the behaviours that drive go on: {error}");
+            }
+        });
+        let docked = client.dock(plan).await;
+        drop(waits);
+        let _ = ending.await;
+        docked
     }
 
     fn behaviours(&self) -> RunResponse {

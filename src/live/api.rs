@@ -211,8 +211,10 @@ async fn history(
     let days = asked.days.unwrap_or(1).clamp(1, MAX_DAYS);
     let running = broadcast.running_behaviours().into_iter();
     let running: Vec<String> = running.map(|one| one.name).collect();
-    let history =
-        move |data: &std::path::Path| history::read(data, days, Timestamp::now(), &running);
+    // A simulated service may have a date of its own.
+    let timetable = broadcast.definition.borrow().timetable.clone();
+    let now = timetable.map(|(_, clock)| clock).unwrap_or_default().now();
+    let history = move |data: &std::path::Path| history::read(data, days, now, &running);
     answer_of_journal(read(&broadcast, history).await?)
 }
 

@@ -9,7 +9,7 @@ use crate::robot::RobotInfo;
 
 /// The event types of the event entity. Battery and watchdog are in the state, and a patrol saves two
 /// thousand pictures a day.
-pub(super) const EVENTS: [&str; 14] = [
+pub(super) const EVENTS: [&str; 15] = [
     "link_up",
     "link_down",
     "safety",
@@ -19,6 +19,7 @@ pub(super) const EVENTS: [&str; 14] = [
     "ended",
     "given_up",
     "start_missed",
+    "standstill",
     "stop_engaged",
     "stop_reset",
     "timetable_changed",

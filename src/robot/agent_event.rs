@@ -115,8 +115,6 @@ pub enum AgentEvent {
         /// What runs.
         behaviour: String,
         reason: String,
-        /// How long it has stood so far.
-        seconds: f64,
     },
     /// A person has pressed STOP: the robot stands until a person releases it.
     StopEngaged {
@@ -334,7 +332,6 @@ mod tests {
             AgentEvent::Standstill {
                 behaviour: behaviour.clone(),
                 reason: text(),
-                seconds: 300.0,
             },
             AgentEvent::StopReset { by: text() },
             AgentEvent::TimetableChanged {

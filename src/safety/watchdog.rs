@@ -321,6 +321,7 @@ impl Watchdog {
         } else if self.run_ending {
             Some(MotionEnd::Cancelled)
         } else if !(self.guarded || self.held_until.is_some())
+            || self.stopped_by_person
             || self.battery_monitor.low().is_some()
             || self.battery_monitor.critical()
         {
@@ -391,6 +392,7 @@ impl Watchdog {
         }
         // It holds until the dockings that it ends have ended, also when it is released.
         self.stopped_by_person = true;
+        self.end_motion(MotionEnd::Safety);
         let away = !self.docked();
         let is_over = |one: &ActiveDocking| one.is_asked() || (one.forced && away);
         if self.docking.as_ref().is_some_and(is_over) {

@@ -303,6 +303,9 @@ impl Modules {
         lives: impl Fn(TaskId) -> bool,
     ) -> Result<(), String> {
         self.waits.retain(|wait| lives(wait.task));
+        if to != MAIN && matches!(self.progress(to), Progress::Loaded) {
+            return Ok(());
+        }
         if let Some(chain) = self.chain(to, from, &mut Vec::new()) {
             let names: Vec<&str> = chain
                 .iter()

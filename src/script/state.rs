@@ -462,8 +462,8 @@ impl State {
         let why = match end {
             MotionEnd::Docked => "the robot is on its station: robot.undock() first",
             MotionEnd::Safety => {
-                "the watchdog lets nothing drive: the battery is low, or the guardian process that \
-                 could stop the robot is missing"
+                "the watchdog lets nothing drive: a person's STOP holds, the battery is low, or the \
+                 guardian process that could stop the robot is missing"
             }
             MotionEnd::Disconnected => "the robot is not connected: nothing can drive it",
             MotionEnd::Preempted if is_current => {

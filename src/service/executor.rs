@@ -14,7 +14,7 @@ use tracing::{error, info, warn};
 
 use super::idle::{Activity, IdleAction, IdleRobot};
 use super::record::is_news;
-use super::standstill::{LONG, Standstill};
+use super::standstill::Standstill;
 use super::{ManagerNotifier, RecordFile, ServicePlan, View};
 use crate::agent::{
     AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Bus, Change, PilotClient,
@@ -181,7 +181,6 @@ impl Executor {
             self.bus.publish(AgentEvent::Standstill {
                 behaviour: running.join(", "),
                 reason,
-                seconds: LONG.as_secs_f64(),
             });
         }
     }

@@ -10,7 +10,7 @@ use crate::pilot::Status;
 use crate::robot::{STOP_HOLDS, WatchdogState};
 
 /// A robot that stands for this long for the same reason is worth a row.
-pub(super) const LONG: Duration = Duration::from_secs(300);
+const LONG: Duration = Duration::from_secs(300);
 
 #[derive(Debug, Default)]
 pub(super) struct Standstill {

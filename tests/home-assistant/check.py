@@ -272,9 +272,9 @@ async def check(spykee, folder, ended):
         await entities_appear(robot)
         await state_is_shown(robot)
         await picture_comes(robot)
-        await timetable_can_be_held(robot)
         await goes_home(robot)
         process = await nothing_old_sticks(robot, process, spykee, folder, ended)
+        await timetable_can_be_held(robot)
         # Home Assistant alone is started anew: its birth message, or what is retained, brings all back.
         await hass.async_stop(force=True)
         hass = await home_assistant(folder / "ha2", port)

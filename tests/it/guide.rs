@@ -2,6 +2,7 @@
 //! accepted.
 
 mod commands;
+mod days;
 mod service;
 
 use std::collections::BTreeMap;

@@ -15,7 +15,7 @@ use spykee::sim::{Options, World};
 use spykee::wire::{Command, Sound};
 
 pub use self::broker::{Broker, Subscriber};
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, moves, run_spykee};
 
 async fn robot(uid: &str) -> Rig {
     let options = Options {
@@ -93,6 +93,61 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     subscriber
         .wait_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
         .await;
+}
+
+/// The way home that a person orders at the broker: the robot charges, what has driven has ended and stays
+/// so, what only watches runs on, and broker and history say who it was.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_dock_order_from_the_broker_ends_what_drives_and_says_who_gave_it() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    for order in ["return_to_base", "dock"] {
+        let rig = Rig::near_home().await;
+        let subscriber = Subscriber::connect(&broker).await;
+        rig.file("guard.lua", IDLE);
+        let patrol = "while true do robot.undock() robot.move(20, -20, 0.5) end";
+        rig.file("patrol.lua", patrol);
+        let config = format!(
+            "service: {{ user: root }}\njournal: {{ record: on }}\n\
+             behaviours: [{{ file: guard.lua }}, {{ file: patrol.lua }}]\n{}",
+            broker.config()
+        );
+        rig.file("spykee.yaml", &config);
+        let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+        rig.heard_motion(0).await;
+        let cleans = |state: &Value| state["state"] == "cleaning";
+        subscriber.wait_for_state(0, A, cleans).await;
+        let from = subscriber.len();
+        let command = "spykee/SPYKEE0001/command";
+        subscriber.publish(command, order, false).await;
+        let charges = rig.sim.wait_state(|state| state.charging);
+        tokio::time::timeout(WAIT_LIMIT, charges).await.unwrap();
+        let home = rig.sim.heard_count();
+        let watches =
+            |state: &Value| state["state"] == "docked" && state["running"] == json!(["guard"]);
+        subscriber.wait_for_state(from, A, watches).await;
+        let by = "docking, ordered by the MQTT broker";
+        let ended = |payload: &[u8]| {
+            let event: Value = serde_json::from_slice(payload).unwrap();
+            event["event_type"] == "ended" && event["behaviour"] == "patrol" && event["by"] == by
+        };
+        let event = "spykee/SPYKEE0001/event";
+        subscriber.wait_for(from, event, ended).await;
+        run.signal(Signal::TERM);
+        run.code().await;
+        let drives = |command: &Command| moves(command) || is_undock(command);
+        assert!(!rig.commands(home).iter().any(drives), "it leaves again");
+        let (_, text) = run_spykee(&rig, &["history", "--config", "spykee.yaml"]).await;
+        assert_contains(
+            &text,
+            &["patrol cancelled: docking, ordered by the MQTT broker"],
+        );
+    }
+}
+
+fn is_undock(command: &Command) -> bool {
+    *command == Command::Engine(spykee::wire::Engage::Undock)
 }
 
 /// With a guard that is always on, Start starts what is asked for; a choice survives the run; an alarm

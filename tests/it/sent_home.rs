@@ -77,11 +77,8 @@ fn what_drives_ends_and_the_robot_is_still_on_its_station_ten_minutes_later() {
         let (run, agent) = run(simulation, vec![behaviour("patrol", PATROL, 0, 1)]);
         let drives = simulation.sim().wait_state(|state| state.moving());
         timeout(Duration::from_secs(60), drives).await.unwrap();
-        let order = RunRequest::Dock {
-            seconds: None,
-            retries: None,
-        };
-        let answer = timeout(LIMIT, run.perform(order, "anna")).await.unwrap();
+        let answer = run.perform(dock_order(), "anna");
+        let answer = timeout(LIMIT, answer).await.unwrap();
         assert_eq!(answer.dock_end(), Some(DockEnd::Done));
         let from = simulation.sim().heard_count();
         sleep(Duration::from_secs(600)).await;
@@ -102,6 +99,54 @@ fn what_drives_ends_and_the_robot_is_still_on_its_station_ten_minutes_later() {
     });
     let by = Some("docking, ordered by anna".to_owned());
     assert_eq!(ended.collect::<Vec<_>>(), [by]);
+}
+
+/// Ctrl-C at `robot dock` at any moment: as soon as the robot has heard the order, what drives has ended.
+#[test]
+fn an_order_to_dock_that_is_dropped_at_once_has_ended_what_drives() {
+    let mut heard = 0;
+    for steps in 0..40 {
+        let world = World::from_yaml(&near_home(), "test world").unwrap();
+        let options = simulation::Options::default();
+        simulation::run(world, options, async |simulation: &Simulation| {
+            let (run, agent) = run(simulation, vec![behaviour("patrol", PATROL, 0, 1)]);
+            let drives = simulation.sim().wait_state(|state| state.moving());
+            timeout(Duration::from_secs(60), drives).await.unwrap();
+            let from = simulation.sim().heard_count();
+            let order = run.perform(dock_order(), "anna");
+            tokio::select! {
+                biased;
+                _ = order => panic!("it is at home at once"),
+                () = async {
+                    for _ in 0..steps {
+                        tokio::task::yield_now().await;
+                    }
+                } => {}
+            }
+            sleep(Duration::from_secs(3)).await;
+            let searches = |one: &Command| *one == Command::Engine(Engage::Dock);
+            let since = simulation.sim().heard_since(from);
+            if since.iter().any(|heard| searches(&heard.command)) {
+                heard += 1;
+                let from = simulation.sim().heard_count();
+                sleep(Duration::from_secs(60)).await;
+                let heard = simulation.sim().heard_since(from);
+                let drives = heard.iter().any(|heard| leaves(&heard.command));
+                assert!(!drives, "after {steps} steps it drives on");
+            }
+            simulation.stop().cancel();
+            agent.await.unwrap().unwrap();
+        })
+        .unwrap();
+    }
+    assert!(heard > 0, "the order never came to the robot");
+}
+
+fn dock_order() -> RunRequest {
+    RunRequest::Dock {
+        seconds: None,
+        retries: None,
+    }
 }
 
 #[derive(Debug, Clone, Copy)]

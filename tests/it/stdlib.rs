@@ -349,3 +349,62 @@ async fn a_sheet_of_paper_is_free_floor_and_what_stands_is_not() {
         }
     }
 }
+
+/// A room behind a wall, which only a robot that has driven there sees.
+const TWO_ROOMS: &str = "
+name: two rooms
+room: { width: 5.4, depth: 3.6 }
+walls: [{ from: [2.6, 0], to: [2.6, 2.2] }]
+balls: [{ at: [4.6, 0.6], colour: red }]
+station: { at: [0, 3], heading_degrees: 0 }
+start: { at: [1.2, 1.2], heading_degrees: 90 }
+camera: { fps: 5 }
+";
+
+/// It returns what is behind the wall, facing it; what is nowhere is looked for until all is seen, and
+/// the robot has hit nothing.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_search_of_the_floor_finds_what_is_behind_a_wall_and_ends_when_all_is_seen() {
+    let rig = Rig::quiet().await;
+    rig.file("rooms.yaml", TWO_ROOMS);
+    let search = "local looked = 0
+        local thing, code = require('@spykee/floor').search(function(frame)
+            looked += 1
+            return frame:find_blobs('red', { pixels_threshold = 60 })[1]
+        end, { seconds = 600 })
+        print(code, thing and math.abs(thing.bearing) < 0.6, looked > 20)";
+    rig.file("red.lua", search);
+    rig.file("cyan.lua", &search.replace("red", "cyan"));
+    for (script, world, said) in [
+        ("red.lua", "rooms.yaml", "found true true"),
+        ("cyan.lua", "playpen", "all_seen nil true"),
+    ] {
+        let fast = "--fast --for 700 --seed 1 --events events.jsonl";
+        let run = ["run", script, "--sim", world].into_iter();
+        let mut run = rig.spykee(&run.chain(fast.split(' ')).collect::<Vec<_>>());
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        assert_contains(&run.text(), &[said]);
+        let events = std::fs::read_to_string(rig.folder().join("events.jsonl")).unwrap();
+        let end: serde_json::Value = serde_json::from_str(events.lines().last().unwrap()).unwrap();
+        assert_eq!(end["collisions"], 0, "{end}");
+        let driven = end["distance"].as_f64().unwrap();
+        assert!(driven > 1.0, "{end}");
+    }
+}
+
+/// A module that is loaded may be required by one that it requires later.
+#[tokio::test(flavor = "multi_thread")]
+async fn modules_that_are_loaded_may_require_each_other_in_functions() {
+    let rig = Rig::quiet().await;
+    rig.file(
+        "one.lua",
+        "return { go = function() return require('./two').word end, word = 'done' }",
+    );
+    rig.file(
+        "two.lua",
+        "local one = require('./one') return { word = one.word }",
+    );
+    let mut run = rig.run("print(require('./one').go())");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert_contains(&run.text(), &["done"]);
+}

@@ -1,7 +1,7 @@
 //! The scripts of a class: a folder with a folder or a script for each learner; and which of them
 //! have nearly the same text.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -167,12 +167,41 @@ pub(super) fn pairs(texts: &[Option<String>], starter: &str) -> Vec<Pair> {
     pairs
 }
 
-/// The lines that are not in the starter, without spaces; `None` if they are too short.
+/// The lines that are not in the starter, without spaces and with the same name for all that they
+/// declare; `None` if they are too short.
 fn own_words(text: &str, starter: &str) -> Option<String> {
     let given: Vec<String> = starter.lines().map(without_spaces).collect();
-    let lines = text.lines().map(without_spaces);
-    let own: String = lines.filter(|line| !given.contains(line)).collect();
+    let own = text
+        .lines()
+        .filter(|line| !given.contains(&without_spaces(line)));
+    let own = without_spaces(&with_names_alike(&own.collect::<Vec<_>>().join("\n")));
     (own.chars().count() >= SHORTEST).then(|| own.chars().take(LONGEST).collect())
+}
+
+/// The text with one name for its variables and functions: whoever renames those of a copy has copied.
+fn with_names_alike(text: &str) -> String {
+    let is_in_word = |c: char| c.is_alphanumeric() || c == '_';
+    let words: Vec<&str> = text.split_inclusive(|c| !is_in_word(c)).collect();
+    let word = |piece: &&str| piece.trim_end_matches(|c| !is_in_word(c)).to_owned();
+    let mut declared = BTreeSet::new();
+    let mut declares = false;
+    for piece in &words {
+        let name = word(piece);
+        if matches!(&name[..], "local" | "for" | "function") {
+            declares = true;
+        } else if declares && !name.is_empty() {
+            declares = name != "in" && !piece.ends_with(['=', '\n', ')']);
+            declared.insert(name);
+        } else {
+            declares &= !piece.ends_with(['=', '\n', ')']);
+        }
+    }
+    declared.remove("in");
+    let alike = |piece: &&str| match word(piece) {
+        name if declared.contains(&name) => format!("v{}", &piece[name.len()..]),
+        _ => (*piece).to_owned(),
+    };
+    words.iter().map(alike).collect()
 }
 
 fn without_spaces(line: &str) -> String {
@@ -287,6 +316,21 @@ mod tests {
         let found = pairs(&texts, STARTER);
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].places, (0, 1));
+    }
+
+    #[test]
+    fn a_copy_with_other_names_is_found_and_another_idea_is_not() {
+        let one = "local count, side = 4, 0.5\nlocal function corner(angle)\n\trobot.turn(angle)\nend\n\
+                   for step = 1, count do\n\trobot.forward(side)\n\tcorner(math.pi / 2)\nend\n";
+        let copy = one.replace("count", "anzahl").replace("side", "s");
+        let copy = copy.replace("corner", "ecke").replace("angle", "wie_weit");
+        let idea = "local count = 4\nrepeat\n\trobot.forward(0.5)\n\trobot.turn(math.pi / 2)\n\
+                    \tcount -= 1\nuntil count == 0\nrobot.play('bip_2')\n";
+        let texts = [one, &copy.replace("step", "i"), idea];
+        let texts = texts.map(|text| Some(format!("{STARTER}{text}")));
+        let found = pairs(&texts, STARTER);
+        let places: Vec<(usize, usize)> = found.iter().map(|pair| pair.places).collect();
+        assert_eq!(places, [(0, 1)], "{found:?}");
     }
 
     #[test]

@@ -3,18 +3,16 @@
 
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt as _;
-use std::path::Path;
 use std::time::Instant;
 
 use rustix::process::Signal;
-use serde_json::Value;
 
 use super::commands::words;
 use super::{Chapter, behaviours, chapter};
 use crate::live::get;
 use crate::mqtt::Broker;
 use crate::notify::Webhook;
-use crate::rig::{Rig, Run, WAIT_LIMIT, run_in, sized};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 /// Texts that the output of some commands must contain.
 const SAYS: &[(&str, &str)] = &[
@@ -222,45 +220,5 @@ async fn a_new_owner_follows_the_steps_about_the_service() {
     let journal = chapter("operate/journal.md").commands();
     for command in journal.into_iter().chain(notifications().commands()) {
         owner.types(command).await;
-    }
-}
-
-/// The evening that the book's config promises: one for each change, three in `scripts/nightly`. The
-/// patrol's time is over, and the robot is at home soon, although a guard is always on.
-#[test]
-fn after_the_patrol_of_the_book_the_robot_is_at_home_within_five_minutes() {
-    let folder = tempfile::tempdir().unwrap();
-    let behaviours = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours");
-    for name in ["guard.lua", "patrol.lua", "greet.lua"] {
-        std::fs::copy(behaviours.join(name), folder.path().join(name)).unwrap();
-    }
-    let config = chapter("operate/service-rules.md").blocks("yaml")[0];
-    std::fs::write(folder.path().join("spykee.yaml"), config).unwrap();
-    for evening in 1..=sized(1, 3) {
-        let date = format!("2026-05-0{evening} 20:59:30");
-        let seed = evening.to_string();
-        let serve = "serve --config spykee.yaml --sim hall --fast --for 40m --events events.jsonl";
-        let serve: Vec<&str> = serve.split(' ').collect();
-        let args = [&serve[..], &["--date", &date, "--seed", &seed]].concat();
-        let ended = run_in(folder.path(), &args);
-        assert_eq!(ended.code, Some(0), "{}", ended.text());
-        let events = std::fs::read_to_string(folder.path().join("events.jsonl")).unwrap();
-        let events: Vec<Value> = events
-            .lines()
-            .map(|line| serde_json::from_str(line).unwrap())
-            .collect();
-        let first = |text: &str, from: f64| {
-            let times = events.iter().filter(|event| event["text"] == text);
-            let mut times = times.filter_map(|event| event["t"].as_f64());
-            times.find(|at| *at >= from)
-        };
-        let over = first("its time is over", 0.0).expect("there was no patrol");
-        let home = first("Engine(Docked)", over).expect("it is not at home");
-        assert!(home - over < 300.0, "at home after {:.0} s", home - over);
-        let guard = events
-            .iter()
-            .find(|event| event["kind"] == "ended" && event["behaviour"] == "guard");
-        let until = guard.and_then(|event| event["t"].as_f64());
-        assert!(until.is_none_or(|at| at > home), "the guard has ended");
     }
 }

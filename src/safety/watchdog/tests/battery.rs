@@ -44,6 +44,19 @@ fn while_a_persons_stop_holds_a_low_robot_stays_where_it_is_and_the_reasons_say_
 }
 
 #[test]
+fn while_a_persons_stop_holds_motions_end_and_are_refused_at_once() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.handle(Fact::StoppedByPerson(true));
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
+    let acts = rig.drive(2, Some(SECOND));
+    assert_eq!(events(&acts), [ended(2, MotionEnd::Safety)]);
+    rig.handle(Fact::StoppedByPerson(false));
+    rig.now += SECOND;
+    assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+}
+
+#[test]
 fn a_low_level_at_rest_or_at_login_is_enough() {
     let acts = Rig::online(60).handle(Fact::Power(power(10)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
