@@ -34,8 +34,6 @@ use crate::{script, simulation::Options};
 pub const LEARNER: &str = "learner";
 /// Maximum length of what the server tells a run, in bytes.
 const MAX_TOLD: u64 = 2 << 20;
-/// How long the process waits for a server that does not read what happened.
-const TELL_TIMEOUT: Duration = Duration::from_secs(2);
 /// A script that cannot be interrupted for this long ends the run.
 const STUCK_LIMIT: Duration = Duration::from_secs(5);
 
@@ -78,7 +76,6 @@ fn play() -> io::Result<()> {
     let _ = tracing::dispatcher::set_global_default(log.into());
     let listener = UnixListener::from(io::stdin().as_fd().try_clone_to_owned()?);
     let (server, _) = listener.accept()?;
-    server.set_write_timeout(Some(TELL_TIMEOUT))?;
     let mut told = BufReader::new(server.try_clone()?.take(MAX_TOLD));
     let mut line = String::new();
     told.read_line(&mut line)?;
