@@ -124,7 +124,8 @@ class Person {
     this.map = undefined;
     const socket = new WebSocket(`${this.server.base.replace("http", "ws")}/class/${where}`, { headers: this.headers });
     this.socket = socket;
-    socket.on("error", () => {});
+    // A run that has just begun may not listen yet.
+    socket.on("error", () => this.socket === socket && setTimeout(() => this.socket === socket && this.look(where), 50));
     socket.on("open", () => socket.send(JSON.stringify({ type: "watch", map: true, camera: true, log: true })));
     socket.on("message", (data, binary) => {
       if (binary) {
@@ -140,10 +141,14 @@ class Person {
     });
   }
 
+  async write(text, where = "script") {
+    const { version } = await this.ask(`${where}?lesson=${LESSON}`);
+    await this.ask(`${where}?lesson=${LESSON}`, { text, version }, "PUT");
+  }
+
   /** Writes and runs a script. Returns the seconds until the robot moves. */
   async run(text) {
-    const { version } = await this.ask(`script?lesson=${LESSON}`);
-    await this.ask(`script?lesson=${LESSON}`, { text, version }, "PUT");
+    await this.write(text);
     const began = Date.now();
     await this.ask("run", { lesson: LESSON, speed: 1 });
     await this.look();
@@ -181,12 +186,16 @@ async function openPage(browser, server, name) {
 
 /** Presses Run in a page. Returns when the robot has moved for the first time. */
 async function pressRun(page, teacher) {
+  await teacher.write(DRIVES, "of/page1/script");
+  await page.getByText("easy.right").first().waitFor();
   const began = Date.now();
   await page.locator("button.primary").click();
   await until(() => teacher.state.learners.find(({ name }) => name === "page1")?.run.running, "the run of page1");
   await teacher.look("of/page1/live");
   await until(() => teacher.movedAt >= began, "the robot of page1 to move");
-  teacher.socket.terminate();
+  const { socket } = teacher;
+  teacher.socket = null;
+  socket.terminate();
   return teacher.movedAt;
 }
 
@@ -204,8 +213,7 @@ async function editToWall(teacher, learner) {
 async function flags(teacher, clients) {
   const stuck = new Set(clients.slice(0, STUCK).map(({ name }) => name));
   const fails = async (learner, error) => {
-    const { version } = await learner.ask(`script?lesson=${LESSON}`);
-    await learner.ask(`script?lesson=${LESSON}`, { text: `error("${error}")\n`, version }, "PUT");
+    await learner.write(`error("${error}")\n`);
     const before = learner.state.run.number;
     await learner.ask("run", { lesson: LESSON });
     await until(() => learner.state.run.number > before && learner.state.run.error && !learner.state.run.running, `the error of ${learner.name}`);
