@@ -215,9 +215,9 @@ mod tests {
 
     fn old(files: &Files) -> Vec<String> {
         let folder = Folder::open(&files.of("ada").join(OLD)).unwrap();
-        let names = folder.names().unwrap().into_iter();
-        names
-            .map(|name| read(&folder, &name).unwrap().unwrap().text)
+        let items = folder.items().unwrap().into_iter();
+        items
+            .map(|item| read(&folder, &item.name).unwrap().unwrap().text)
             .collect()
     }
 

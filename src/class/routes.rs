@@ -509,7 +509,10 @@ async fn completions() -> Json<Value> {
 }
 
 async fn lessons(State(class): Shared, _: Target) -> Json<Value> {
-    let lesson = |one: &super::Lesson| json!({ "name": one.name, "title": one.title, "world": one.world, "text": one.readme });
+    let lesson = |one: &super::Lesson| {
+        let text = one.readme;
+        json!({ "name": one.name, "title": one.title, "world": one.world, "text": text })
+    };
     let lessons: Vec<Value> = class.tools.lessons.iter().map(lesson).collect();
     let worlds: Vec<&str> = World::builtin_names().collect();
     let has = |name| installed(BUNDLES, name).is_some();

@@ -1201,110 +1201,6 @@ const promises = {
         if (wide > 0) {
           throw new Error(`${name}: ${wide} pixels too wide`);
         }
-        if (pictures) {
-          await page.locator(".history").evaluate((element) => element.scrollIntoView());
-          await page.locator(".history").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
-        }
-        clean(page);
-        await page.context().close();
-      }
-    }
-    await run.end();
-  },
-
-  async "behind Caddy, as the book has it, people log in and drive over TLS"(browser) {
-    if (!has("caddy")) {
-      return "skipped, there is no caddy: sudo apt install caddy";
-    }
-    const config = "live: { hosts: [robot.test] }\n";
-    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["idle.lua", "--sim", "--config", "spykee.yaml"]);
-    const driver = await run.token("driver");
-    const port = await freePort();
-    // For a test: a certificate of Caddy's own, in a folder of the test, and a port that anybody may have.
-    fs.writeFileSync(path.join(run.folder, "Caddyfile"), "{\n  admin off\n  auto_https disable_redirects\n  skip_install_trust\n"
-      + `  storage file_system ${run.folder}/caddy\n}\nrobot.test:${port} {\n  tls internal\n  reverse_proxy ${new URL(run.url).host}\n}\n`);
-    const caddy = spawn("caddy", ["run", "--config", "Caddyfile", "--adapter", "caddyfile"],
-      { cwd: run.folder, env: { ...process.env, HOME: run.folder, XDG_DATA_HOME: run.folder, XDG_CONFIG_HOME: run.folder }, stdio: "ignore" });
-    const gone = new Promise((resolve) => caddy.once("exit", resolve));
-    await until(() => reaches(port), "Caddy");
-    const context = await browser.newContext({ locale: "en-GB", ...DESK, ignoreHTTPSErrors: true });
-    const page = await context.newPage();
-    await page.goto(`https://robot.test:${port}/#token=${driver}`);
-    await ready(page);
-    await takeControl(page);
-    const moving = () => page.getByRole("img", { name: /tracks [1-9]/ }).first().waitFor();
-    await page.keyboard.down("ArrowUp");
-    await moving();
-    await page.keyboard.up("ArrowUp");
-    await page.getByRole("img", { name: /tracks 0 and 0/ }).first().waitFor();
-    await context.close();
-    caddy.kill();
-    await gone;
-    await run.end();
-    return "";
-  },
-
-  async "what robots and scripts say stays text, and nothing hides in it"(browser) {
-    // A robot of the same length of name, with markup and a character that terminals obey.
-    const sim = await Process.start(["sim", "--listen", "127.0.0.1:0"], /listens on 127\.0\.0\.1:(\d+)/);
-    const [name, odd] = [Buffer.from("Spykee"), Buffer.from("<b>x\x9b!", "latin1")];
-    const line = await Line.to(Number(sim.found[1]), (data) => {
-      const at = data.indexOf(name);
-      return at < 0 ? data : Buffer.concat([data.subarray(0, at), odd, data.subarray(at + name.length)]);
-    });
-    const hostile = "log.warn('<img src=x onerror=\"document.title=1\"><b>bold</b> \\u{202e}esrever')\n"
-      + "print('</script><script>document.body.remove()</script>')\nlocal p = params.declare{ x = {default = '<u>', live = true, doc = '<s>'} }\n"
-      + "task.wait(0.1)\nerror('<i>gone</i>\\u{202e}')\n";
-    const run = await Run.start({ "<b>bad<b>.lua": hostile }, ["<b>bad<b>.lua", "--robot", `127.0.0.1:${line.port}`, "--no-check"]);
-    const page = await open(browser, run);
-    await ready(page);
-    await page.getByRole("heading", { name: "<b>x\\u009b!" }).waitFor();
-    await page.getByText("<b>bold</b>").first().waitFor();
-    await page.getByText("\\u202eesrever").first().waitFor();
-    await page.getByText("<i>gone</i>").first().waitFor();
-    await button(page, "Show line 5 of <b>bad<b>").first().click();
-    await page.locator("dialog .marked").getByText("<i>gone</i>").waitFor();
-    const injected = await page.locator("b, i, u, s, body script, img[src=x]").count();
-    if (injected > 0) {
-      throw new Error(`${injected} elements that a script has made`);
-    }
-    if (/[\u0080-\u009f\u202a-\u202e]/.test(await page.evaluate(() => document.body.innerText + document.title))) {
-      throw new Error("a character hides that turns text around");
-    }
-    clean(page);
-    await page.context().close();
-    await run.end();
-    line.end();
-    await sim.end();
-  },
-
-  async "nothing serious in the way of people who use other means, in light and dark, large and small"(browser) {
-    const run = await Run.start({}, [path.join(root, "behaviours/patrol.lua"), "--sim"]);
-    for (const [name, options] of [["desktop", DESK], ["phone", PHONE], ["lying", LANDSCAPE], ["tablet", TABLET]]) {
-      for (const colorScheme of ["light", "dark"]) {
-        const page = await open(browser, run, { ...options, colorScheme });
-        await ready(page);
-        await page.getByText(/patrol:\d+/).first().waitFor();
-        await page.waitForTimeout(pictures ? 6000 : 500);
-        // Only here: the page's own policy lets nothing in.
-        const found = await page.evaluate(async (source) => {
-          (0, eval)(source);
-          return (await window.axe.run()).violations;
-        }, axe).catch(async () => {
-          const session = await page.context().newCDPSession(page);
-          await session.send("Page.setBypassCSP", { enabled: true });
-          await session.send("Runtime.evaluate", { expression: axe });
-          return page.evaluate(async () => (await window.axe.run()).violations);
-        });
-        const serious = found.filter(({ impact }) => impact === "serious" || impact === "critical");
-        if (serious.length > 0) {
-          const words = serious.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html).join(" ").slice(0, 400)}`);
-          throw new Error(`${name} ${colorScheme}: ${words.join("\n")}`);
-        }
-        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-        if (wide > 0) {
-          throw new Error(`${name}: ${wide} pixels too wide`);
-        }
         await keep(page, `${name}-${colorScheme}`);
         clean(page);
         await page.context().close();
@@ -1346,7 +1242,7 @@ const promises = {
     await wall.keyboard.press("Control+Home");
     await wall.keyboard.type("-- helped\n");
     await until(() => fs.readFileSync(file, "utf8").includes("-- helped"), "the teacher's help in the file");
-    await until(async () => /helped/.test(await page.locator(".editor").first().evaluate((one) => one.querySelector("textarea")?.value ?? one.innerText)), "the help on the learner's page");
+    await until(async () => /helped/.test(await page.getByRole("textbox", { name: "Script of Ada <b>" }).evaluate((one) => one.value ?? one.innerText)), "the help on the learner's page");
     await usable(wall, "a learner on the wall");
     await keep(wall, "class-learner");
     await button(wall, "Close").click();
@@ -1360,6 +1256,9 @@ const promises = {
     if (await page.locator("b").count() + await wall.locator("b").count() > 0) {
       throw new Error("a name became an element");
     }
+    // An editor that is installed tries to set a style, which the page's policy refuses.
+    page.errors = page.errors.filter((one) => !one.includes("inline style"));
+    wall.errors = wall.errors.filter((one) => !one.includes("inline style"));
     clean(page);
     clean(wall);
     await page.context().close();
