@@ -36,6 +36,10 @@ const PARSED: &[(&str, &str)] = &[
     ("spykee run look.lua", "run with the README's script, below"),
     ("spykee doctor --robot", "asks a person before each step"),
     (
+        "spykee class",
+        "serves until it is ended; see the tests of `class`",
+    ),
+    (
         "spykee run behaviours/hello.lua --robot",
         "as in the tests of `run`",
     ),
