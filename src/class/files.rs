@@ -112,11 +112,11 @@ impl Files {
         let mut kept = self.kept.lock();
         let old = read(&folder, file)?;
         let current = old.as_ref().map_or("", |old| &old.version);
-        if current != version {
-            if let Some(newest) = old {
-                keep(&folder, file, text)?;
-                return Ok(Written::Conflict(newest));
-            }
+        if current != version
+            && let Some(newest) = old
+        {
+            keep(&folder, file, text)?;
+            return Ok(Written::Conflict(newest));
         }
         if let Some(old) = old {
             let last = kept.entry(path.join(file)).or_insert(now);

@@ -219,7 +219,7 @@ impl FromRequestParts<Arc<Class>> for Target {
 
 impl Target {
     /// The workspace, for a request that changes something in it.
-    fn to_change(self) -> Result<String, Refusal> {
+    fn changeable(self) -> Result<String, Refusal> {
         if self.may_change {
             return Ok(self.name);
         }
@@ -370,7 +370,7 @@ async fn write_script(
     Query(which): Query<Which>,
     Json(new): Json<NewText>,
 ) -> Reply<Response> {
-    let name = target.to_change()?;
+    let name = target.changeable()?;
     let file = which.file(&class)?;
     if new.text.len() > MAX_TEXT {
         let why = "this text is too long: at most 256 KiB";
@@ -430,14 +430,14 @@ async fn start(
     Json(order): Json<RunOrder>,
     script: bool,
 ) -> Reply {
-    let name = target.to_change()?;
+    let name = target.changeable()?;
     let started = class.start(&name, &order.lesson, order.world, order.speed, script);
     started.await?;
     Ok(Json(json!({})))
 }
 
 async fn stop(State(class): Shared, target: Target) -> Reply {
-    class.stop(&target.to_change()?).await?;
+    class.stop(&target.changeable()?).await?;
     Ok(Json(json!({})))
 }
 
@@ -448,7 +448,7 @@ struct CheckOrder {
 }
 
 async fn check(State(class): Shared, target: Target, Json(order): Json<CheckOrder>) -> Reply {
-    let name = target.to_change()?;
+    let name = target.changeable()?;
     // In a task of its own: it goes on when the page is closed.
     let checking = tokio::spawn(async move { class.check(&name, &order.lesson).await });
     checking.await.map_err(internal)?.map(Json)
