@@ -1,7 +1,7 @@
 //! A class in the browser: one server on the teacher's computer, a page for each learner, a wall for
-//! all. Each learner has files in a folder and at most one run, a confined process ([`learner`]) that
+//! all. Each learner has files in a folder and at most one run, a confined process (`learner`) that
 //! only this server reaches; the learner's page sees it through the server. What is decided is pure
-//! ([`members`]); this file holds the state and has the effects.
+//! (`members`); this file holds the state and has the effects.
 
 mod children;
 mod files;
