@@ -187,7 +187,9 @@ async function openPage(browser, server, name) {
 /** Presses Run in a page. Returns when the robot has moved for the first time. */
 async function pressRun(page, teacher) {
   await teacher.write(DRIVES, "of/page1/script");
-  await page.getByText("easy.right").first().waitFor();
+  // In the editor, or in the plain field of a page without one.
+  await page.waitForFunction(() => [document.body.innerText, ...[...document.querySelectorAll("textarea")].map(({ value }) => value)]
+    .some((text) => text.includes("easy.right")));
   const began = Date.now();
   await page.locator("button.primary").click();
   await until(() => teacher.state.learners.find(({ name }) => name === "page1")?.run.running, "the run of page1");
