@@ -278,9 +278,10 @@ struct Class {
 impl Class {
     /// The state, for a change that pages show.
     fn change(&self) -> MutexGuard<'_, State> {
+        let state = self.state.lock();
         // Viewers look once this guard is gone.
         self.changed.send_replace(());
-        self.state.lock()
+        state
     }
 
     fn lesson(&self, name: &str) -> Option<&Lesson> {
@@ -444,16 +445,14 @@ impl Class {
 
     /// Ends a learner's script; the robot stays in its world.
     async fn stop(&self, name: &str) -> Result<(), Refusal> {
-        let found = {
-            let state = self.state.lock();
+        let (socket, place) = {
+            let mut state = self.state.lock();
             let run = state.runs.get(name).ok_or_else(no_run)?;
-            run.child.socket()
+            let socket = run.child.socket();
+            let member = state.member(name).ok_or_else(unknown_name)?;
+            (socket, member.run.place.clone())
         };
-        let place = self
-            .change()
-            .member(name)
-            .map(|member| member.run.place.clone());
-        end_script(found, place.unwrap_or_default()).await
+        end_script(socket, place).await
     }
 
     /// Ends the runs that nobody needs.
@@ -482,14 +481,19 @@ impl Class {
         }
     }
 
-    /// Everything stands, or goes on.
+    /// Everything stands, or goes on. A run that does not listen is ended.
     fn freeze(&self, on: bool) {
         let mut state = self.change();
         state.frozen = on;
-        for (name, run) in &mut state.runs {
+        let mut deaf = Vec::new();
+        for (name, run) in &state.runs {
             if let Err(error) = run.child.hold(on) {
-                tracing::warn!("{name}: the run cannot be told to stand: {error}");
+                tracing::warn!("{name}: the run cannot be told to stand, and is ended: {error}");
+                deaf.push(name.clone());
             }
+        }
+        for name in deaf {
+            state.end_run(&name);
         }
     }
 

@@ -2,9 +2,9 @@
 //! viewers ask of them. A run ends with its server: its process dies with this thread, and with the
 //! connection to it.
 
-use std::io::{self, Write as _};
+use std::io;
 use std::os::fd::OwnedFd;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::{UnixListener, UnixStream as StdUnixStream};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
@@ -17,8 +17,10 @@ use axum::response::{IntoResponse as _, Response};
 use futures_util::StreamExt as _;
 use hyper::client::conn::http1::handshake;
 use hyper_util::rt::TokioIo;
-use tokio::io::copy_bidirectional;
+use tokio::io::{AsyncWriteExt as _, copy_bidirectional};
+use tokio::net::UnixStream;
 use tokio::process::{Child as Process, Command};
+use tokio::sync::mpsc;
 use tokio::time::{Instant, timeout};
 use tokio_util::codec::{FramedRead, LinesCodec};
 use tokio_util::task::AbortOnDropHandle;
@@ -33,6 +35,8 @@ use crate::sandbox::{self, SandboxPolicy, WORKER_ARGUMENT};
 const CPU_SECONDS: u64 = 3600;
 /// Maximum length of what a run tells its server at once, in bytes.
 const MAX_NEWS: usize = 64 << 10;
+/// Maximum number of lines that a run has not read.
+const MAX_ORDERS: usize = 8;
 /// How long a run may take to answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Headers of a request that a run needs, and of its answer that a page needs.
@@ -92,11 +96,22 @@ impl Launcher {
         command.stdin(OwnedFd::from(listener)).stderr(Stdio::null());
         let process = Command::from(command).kill_on_drop(true).spawn()?;
         let socket = PathBuf::from(self.folder.socket_path(&name));
-        let mut server = UnixStream::connect(&socket)?;
-        server.set_write_timeout(Some(ANSWER_TIMEOUT))?;
-        writeln!(server, "{}", serde_json::to_string(plan)?)?;
+        // Nobody waits for a run that does not read.
+        let server = StdUnixStream::connect(&socket)?;
         server.set_nonblocking(true)?;
-        let heard = tokio::net::UnixStream::from_std(server.try_clone()?)?;
+        let (heard, mut told) = UnixStream::from_std(server)?.into_split();
+        let (orders, mut waiting) = mpsc::channel::<String>(MAX_ORDERS);
+        let telling = tokio::spawn(async move {
+            while let Some(order) = waiting.recv().await {
+                if told
+                    .write_all(format!("{order}\n").as_bytes())
+                    .await
+                    .is_err()
+                {
+                    return;
+                }
+            }
+        });
         let mut heard = FramedRead::new(heard, LinesCodec::new_with_max_length(MAX_NEWS));
         let hearing = tokio::spawn(async move {
             while let Some(Ok(line)) = heard.next().await {
@@ -104,13 +119,15 @@ impl Launcher {
             }
             hear(None);
         });
-        Ok(Child {
+        let child = Child {
             socket,
             process,
-            server,
-            _hearing: AbortOnDropHandle::new(hearing),
+            orders,
+            _connection: [telling, hearing].map(AbortOnDropHandle::new),
             ended: None,
-        })
+        };
+        child.tell(serde_json::to_string(plan)?)?;
+        Ok(child)
     }
 }
 
@@ -119,9 +136,10 @@ impl Launcher {
 pub(super) struct Child {
     socket: PathBuf,
     process: Process,
+    /// Lines for the run.
+    orders: mpsc::Sender<String>,
     /// The connection that the run ends with.
-    server: UnixStream,
-    _hearing: AbortOnDropHandle<()>,
+    _connection: [AbortOnDropHandle<()>; 2],
     /// Since when its script does not run.
     pub(super) ended: Option<Instant>,
 }
@@ -133,9 +151,12 @@ impl Child {
     }
 
     /// Makes everything in it stand, or go on.
-    pub(super) fn hold(&mut self, held: bool) -> io::Result<()> {
-        let order: &[u8] = if held { b"hold\n" } else { b"go on\n" };
-        self.server.write_all(order)
+    pub(super) fn hold(&self, held: bool) -> io::Result<()> {
+        self.tell(if held { "hold" } else { "go on" }.to_owned())
+    }
+
+    fn tell(&self, order: String) -> io::Result<()> {
+        self.orders.try_send(order).map_err(io::Error::other)
     }
 }
 
@@ -148,8 +169,10 @@ impl Drop for Child {
 
 /// Ends the script of the run with this socket; its robot stays where it is.
 pub(super) async fn end_script(socket: PathBuf, name: String) -> Result<(), Refusal> {
-    let stream = UnixStream::connect(&socket).map_err(|_| no_run())?;
-    stream.set_nonblocking(true).map_err(|_| no_run())?;
+    let stream = UnixStream::connect(&socket).await;
+    let stream = stream
+        .and_then(UnixStream::into_std)
+        .map_err(|_| no_run())?;
     let request = RunRequest::Behaviour {
         name,
         change: crate::agent::Change::Stop,
@@ -184,7 +207,7 @@ async fn pass(
     may_change: bool,
     mut request: Request,
 ) -> io::Result<Response> {
-    let stream = tokio::net::UnixStream::connect(socket).await?;
+    let stream = UnixStream::connect(socket).await?;
     let (mut sender, connection) = handshake(TokioIo::new(stream))
         .await
         .map_err(io::Error::other)?;

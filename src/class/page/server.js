@@ -1,6 +1,7 @@
 // What the pages of a class ask of their server.
 
-import { addTexts } from "/texts.js";
+import { h, say } from "/dom.js";
+import { addTexts, t } from "/texts.js";
 import { TEXTS } from "./texts.js";
 
 addTexts(TEXTS);
@@ -48,4 +49,14 @@ export function follow(show, lost, out) {
     lost(true);
     setTimeout(() => follow(show, lost, out), AGAIN);
   };
+}
+
+/** A banner, and `lost`, which shows in it whether there is a connection. */
+export function connectionBanner() {
+  const banner = h("p", { class: "banner", role: "alert", hidden: true });
+  const lost = (is) => {
+    banner.hidden = !is;
+    say(banner, is ? t("server_lost") : "");
+  };
+  return { banner, lost };
 }

@@ -6,7 +6,7 @@ import { logInByLink } from "/login.js";
 import { t } from "/texts.js";
 import { robot } from "./robot.js";
 import { script } from "./script.js";
-import { ask, fetchJson, follow, me } from "./server.js";
+import { ask, connectionBanner, fetchJson, follow, me } from "./server.js";
 
 const app = document.getElementById("app");
 
@@ -30,7 +30,7 @@ async function wall(first) {
     }
   };
   const trouble = h("p", { class: "trouble", role: "alert" });
-  const banner = h("p", { class: "banner", role: "alert", hidden: true });
+  const { banner, lost } = connectionBanner();
   const toggle = (key, path) => {
     const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => post(path, { on: button.getAttribute("aria-pressed") !== "true" }) }, t(key));
     return button;
@@ -172,13 +172,7 @@ async function wall(first) {
       trouble, tiles),
     dialog);
   show(first);
-  return {
-    show,
-    lost: (is) => {
-      banner.hidden = !is;
-      say(banner, is ? t("server_lost") : "");
-    },
-  };
+  return { show, lost };
 }
 
 async function begin() {

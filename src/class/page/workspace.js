@@ -5,7 +5,7 @@ import { t } from "/texts.js";
 import { markdown } from "./lesson.js";
 import { robot } from "./robot.js";
 import { script } from "./script.js";
-import { ask, fetchJson, follow, me } from "./server.js";
+import { ask, connectionBanner, fetchJson, follow, me } from "./server.js";
 
 const FREE = "free";
 const NOTICE = 6000;
@@ -68,7 +68,7 @@ async function workspace(first) {
   }
   const own = await script({ has: hasEditor, label: t("script_of", { name: state.name }), note });
   const view = robot((line) => own.editor.showLine(line));
-  const banner = h("p", { class: "banner", role: "alert", hidden: true });
+  const { banner, lost } = connectionBanner();
   const lessonText = h("div", { class: "text" });
   const result = h("div", { class: "result", role: "status" });
   const failure = h("p", { class: "trouble", role: "alert" });
@@ -246,13 +246,7 @@ async function workspace(first) {
   const known = [...lessons.map(({ name }) => name), FREE];
   const last = [state.lesson, state.place, remembered("class-lesson", "")].find((name) => known.includes(name));
   await open(last ?? known[0]);
-  return {
-    show,
-    lost: (is) => {
-      banner.hidden = !is;
-      say(banner, is ? t("server_lost") : "");
-    },
-  };
+  return { show, lost };
 }
 
 async function begin() {
