@@ -1,9 +1,10 @@
 -- patrol: drives round after round, each of several legs. At the end of each leg it looks around,
--- takes photographs, in the dark with its headlight, and logs the colours that it sees. Once in each round, after another leg
--- each time, it stands still for a while: a guard beside it sees nobody while the robot moves. When the battery runs low it goes
--- home, charges, leaves the station and continues with the leg that it had not finished; after a restart
--- it does the same. Runs until it is stopped; with `rounds` it goes home after so many rounds, sends one
--- message that sums them up when it is there, and ends.
+-- takes photographs, in the dark with its headlight, and logs the colours that it sees. Once in each
+-- round, after another leg each time, it stands still for a while: a guard beside it sees nobody while
+-- the robot moves. When the battery runs low it goes home, charges, leaves the station and continues
+-- with the leg that it had not finished; after a restart it does the same. Runs until it is stopped;
+-- with `rounds` it goes home after so many rounds, sends one message that sums them up when it is
+-- there, and ends.
 
 local floor = require("@spykee/floor")
 

@@ -70,9 +70,10 @@ pub(super) fn check_service(
     let behaviours = loaded.behaviours.iter().zip(&mut loaded.specs);
     for (entry, (behaviour, spec)) in config.behaviours.iter().zip(behaviours) {
         // What the loader could not read is empty.
-        let read = match behaviour.launch.source.is_empty() {
-            true => read_source(&entry.file).map(drop),
-            false => Ok(()),
+        let read = if behaviour.launch.source.is_empty() {
+            read_source(&entry.file).map(drop)
+        } else {
+            Ok(())
         };
         let is_scheduled = table.rules.iter().any(|rule| rule.run == spec.name());
         if entry.start != Some(Start::Asked) || is_scheduled {

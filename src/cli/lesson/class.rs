@@ -98,8 +98,8 @@ fn unlinked(path: PathBuf) -> Result<PathBuf, String> {
 }
 
 /// The script in the folder with the lesson's name, such as `moving.lua` or `03-moving.lua`, or else the
-/// only one. If there is none, those in its
-/// folders count, such as `lesson-03-moving`, which `spykee lesson start` makes.
+/// only one. If there is none, those in its folders count, such as `lesson-03-moving`, which `spykee
+/// lesson start` makes.
 fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, String>> {
     let mut scripts = scripts_in(folder)?;
     if scripts.is_empty() {
