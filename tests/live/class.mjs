@@ -188,8 +188,9 @@ async function openPage(browser, server, name) {
 async function pressRun(page, teacher) {
   await teacher.write(DRIVES, "of/page1/script");
   // In the editor, or in the plain field of a page without one.
-  await page.waitForFunction(() => [document.body.innerText, ...[...document.querySelectorAll("textarea")].map(({ value }) => value)]
-    .some((text) => text.includes("easy.right")));
+  const inEditor = page.getByText("easy.right").first().waitFor();
+  const inField = until(async () => (await page.locator("textarea").inputValue()).includes("easy.right"), "the text of page1");
+  await Promise.any([inEditor, inField]);
   const began = Date.now();
   await page.locator("button.primary").click();
   await until(() => teacher.state.learners.find(({ name }) => name === "page1")?.run.running, "the run of page1");
