@@ -399,8 +399,11 @@ fn run_breaks(args: &StopsArgs) -> bool {
     let cases = breaks::cases(ends, outages, &args.out, args.seeds);
     let threads = args.jobs.map_or(16, usize::from);
     let outcomes = breaks::play_all(&cases, threads, &|case, outcome| match outcome {
-        Outcome::After(after) if *after <= breaks::GOAL => {}
-        Outcome::After(after) => println!("{case:?}: stopped after {after:.1?}"),
+        Outcome::After(_) => {}
+        Outcome::Late(after, text) if args.list => {
+            println!("{case:?}: stopped after {after:.1?}\n{text}");
+        }
+        Outcome::Late(after, _) => println!("{case:?}: stopped after {after:.1?}"),
         Outcome::Failed(why) => println!("{case:?}: {why}"),
         Outcome::Never(text) if args.list => println!("{case:?}: never stopped\n{text}"),
         Outcome::Never(_) => println!("{case:?}: never stopped"),

@@ -203,6 +203,8 @@ const TOPIC: &str = "spykee/SPYKEE0001";
 pub enum Outcome {
     /// So long after it was in reach again; zero if before.
     After(Duration),
+    /// Later than the goal; what the program and its guardian wrote.
+    Late(Duration, String),
     /// Not while it was watched; what the program and its guardian wrote.
     Never(String),
     /// STOP was answered as kept, and does not hold in the next program; what that one wrote.
@@ -357,7 +359,8 @@ async fn play(case: &Case, network: Option<&Network>) -> Outcome {
         return Outcome::Failed(format!("{why}: {}", started.run.text()));
     }
     let outcome = match watch(&robot, moved, reach).await {
-        Some(after) => Outcome::After(after),
+        Some(after) if after <= GOAL => Outcome::After(after),
+        Some(after) => Outcome::Late(after, written(&started.run, folder.path())),
         None => Outcome::Never(written(&started.run, folder.path())),
     };
     match (case.end, outcome) {
@@ -505,7 +508,10 @@ impl Cell {
         self.played += 1;
         match outcome {
             Outcome::After(after) => {
-                self.late += usize::from(*after > GOAL);
+                self.worst = self.worst.max(*after);
+            }
+            Outcome::Late(after, _) => {
+                self.late += 1;
                 self.worst = self.worst.max(*after);
             }
             Outcome::Never(_) => self.never += 1,
