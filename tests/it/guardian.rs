@@ -354,8 +354,15 @@ async fn with_little_memory_hosts_are_killed_before_the_agent() {
 /// Waits until a guardian other than this one has started.
 async fn replaced(run: &Run, old: Pid) {
     run.says("another guardian process watches").await;
-    assert_ne!(run.guardian(), Some(old));
-    assert!(run.guardian().is_some());
+    // On a busy machine that one may have been replaced again.
+    let another = async {
+        while run.guardian().is_none_or(|pid| pid == old) {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, another)
+        .await
+        .expect("no other guardian");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -404,13 +411,18 @@ async fn without_a_guardian_nothing_drives_until_there_is_another_one() {
     }
 }
 
-/// The lowest number that a process has no open file for.
-fn next_descriptor(pid: Pid) -> u64 {
-    let open = std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero())).unwrap();
-    let open: BTreeSet<u64> = open
-        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
-        .collect();
-    (0..).find(|number| !open.contains(number)).unwrap()
+/// The lowest number that a process has no open file for between its attempts to connect.
+async fn next_descriptor(pid: Pid) -> u64 {
+    let mut lowest = u64::MAX;
+    for _ in 0..20 {
+        let open = std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero())).unwrap();
+        let open: BTreeSet<u64> = open
+            .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
+            .collect();
+        lowest = lowest.min((0..).find(|number| !open.contains(number)).unwrap());
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    lowest
 }
 
 fn limit_descriptors(pid: Pid, current: Option<u64>) -> Option<u64> {
@@ -433,7 +445,7 @@ async fn a_link_whose_socket_cannot_be_duplicated_for_the_guardian_is_not_used()
     let run = home.spykee(&["run", "script.lua", "--robot", &robot, "--wait"]);
     run.says("trying until it answers").await;
     // One more is the socket itself.
-    let one_more = next_descriptor(run.pid()) + 1;
+    let one_more = next_descriptor(run.pid()).await + 1;
     let usual = limit_descriptors(run.pid(), Some(one_more));
 
     let listener = TcpListener::bind(address).await.unwrap();
