@@ -157,7 +157,7 @@ fn list(json: bool, only_names: bool, run: &Client) -> Result<Exit, Failure> {
 
 impl WhichArgs {
     fn client(&self, settings: &CommandSettings) -> Result<Client, Failure> {
-        let found = find_run_of_target(settings, self.robot.as_ref(), &self.remote)?;
+        let found = find_run_of_target(settings, self.robot.as_ref(), &self.remote, true)?;
         let data = settings.config()?.data_folder().display();
         found.ok_or_else(|| {
             Failure::new(

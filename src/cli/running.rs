@@ -133,7 +133,7 @@ fn find_run(
 ) -> Result<Option<Client>, Failure> {
     match connection.sim {
         Some(_) => remote.refuse_with("--sim").map(|()| None),
-        None => find_run_of_target(settings, connection.robot.as_ref(), remote),
+        None => find_run_of_target(settings, connection.robot.as_ref(), remote, false),
     }
 }
 
@@ -149,11 +149,13 @@ fn service_of(
 }
 
 /// The run that uses this robot; without one, the service that the command line or the config
-/// names, the run that uses the config's robot, or else the only run.
+/// names, the run that uses the config's robot, or else the only run: that of a simulated robot only
+/// if the command is for `any` robot.
 pub(super) fn find_run_of_target(
     settings: &CommandSettings,
     robot: Option<&Target>,
     remote: &RemoteArgs,
+    any: bool,
 ) -> Result<Option<Client>, Failure> {
     if let Some(service) = service_of(settings, robot, remote)? {
         return Ok(Some(service));
@@ -163,8 +165,11 @@ pub(super) fn find_run_of_target(
     if silent > 0 {
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
-    if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| uses_robot(&run.status, target));
+    let is_meant = |run: &Client, target| uses_robot(&run.status, target);
+    let own = config.robot.as_ref();
+    let own = own.filter(|own| !any || runs.iter().any(|run| is_meant(run, own)));
+    if let Some(target) = robot.or(own) {
+        runs.retain(|run| is_meant(run, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.status.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
