@@ -27,8 +27,9 @@ const ANSWER: Duration = Duration::from_secs(10);
 #[derive(Clone)]
 pub struct BehaviourSpec {
     name: String,
-    priority: Priority,
-    problem: Option<String>,
+    pub(super) priority: Priority,
+    /// Why it cannot be started at present, for those who look at the list.
+    pub problem: Option<String>,
     make: Arc<dyn Fn() -> Result<Behaviour, RosterError> + Send + Sync>,
 }
 
@@ -56,19 +57,6 @@ impl BehaviourSpec {
 
     pub fn name(&self) -> &str {
         &self.name
-    }
-
-    /// Notes why it cannot be started at present, for those who look at the list.
-    pub fn set_problem(&mut self, problem: String) {
-        self.problem = Some(problem);
-    }
-
-    pub fn problem(&self) -> Option<&str> {
-        self.problem.as_deref()
-    }
-
-    pub(super) fn priority(&self) -> Priority {
-        self.priority
     }
 
     pub(super) fn make(&self) -> Result<Behaviour, RosterError> {

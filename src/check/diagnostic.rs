@@ -31,6 +31,11 @@ pub struct Diagnostic {
     pub source: String,
 }
 
+/// The help for a name that was perhaps meant as a text.
+pub(super) fn in_quotes(text: &str) -> String {
+    format!("if this is a text, write it in quotes: \"{text}\"")
+}
+
 #[derive(Clone, Copy)]
 pub(crate) struct SourceText<'a> {
     pub(crate) file: &'a str,

@@ -386,7 +386,7 @@ impl Executor {
         }
         let can_start = |run: &str| {
             let spec = service_plan.specs.iter().find(|one| one.name() == run);
-            spec.is_some_and(|spec| spec.problem().is_none())
+            spec.is_some_and(|spec| spec.problem.is_none())
         };
         for run in self.running.clone() {
             let before = self.service_plan.fingerprints.get(&run);

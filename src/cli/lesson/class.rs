@@ -186,17 +186,17 @@ fn with_names_alike(text: &str) -> String {
     let mut declared = BTreeSet::new();
     let mut declares = false;
     for piece in &words {
-        let name = word(piece);
-        if matches!(&name[..], "local" | "for" | "function") {
-            declares = true;
-        } else if declares && !name.is_empty() {
-            declares = name != "in" && !piece.ends_with(['=', '\n', ')']);
-            declared.insert(name);
-        } else {
-            declares &= !piece.ends_with(['=', '\n', ')']);
+        match &word(piece)[..] {
+            "local" | "for" | "function" => declares = true,
+            "in" => declares = false,
+            name => {
+                if declares && !name.is_empty() {
+                    declared.insert(name.to_owned());
+                }
+                declares &= !piece.ends_with(['=', '\n', ')']);
+            }
         }
     }
-    declared.remove("in");
     let alike = |piece: &&str| match word(piece) {
         name if declared.contains(&name) => format!("v{}", &piece[name.len()..]),
         _ => (*piece).to_owned(),
