@@ -142,7 +142,7 @@ impl Driver {
 fn failed(error: AgentError) -> Failure {
     match error {
         AgentError::Link(error) => error.into(),
-        error @ AgentError::Broken(_) => Failure::new(Exit::Unreachable, error),
+        error @ AgentError::Broken(_) => Failure::unreachable(error),
     }
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::new::create_project;
-use super::table::aligned;
+use super::table::{aligned, or_dash};
 use super::{Console, Exit, Failure, print};
 use crate::class::Lesson as ClassLesson;
 use crate::sanitize;

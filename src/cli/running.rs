@@ -71,7 +71,7 @@ fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
         }
         _ => "is the service running there, with `live: { listen: IP:PORT }` in its config?",
     };
-    Failure::new(Exit::Unreachable, format_args!("{url}: {error}")).help(help)
+    Failure::unreachable(format_args!("{url}: {error}")).help(help)
 }
 
 /// The robot, and how to reach it: directly, or through a run or service that uses it.
@@ -120,7 +120,7 @@ pub(super) fn refuse_if_in_use(
         run.status.target,
         run.name()
     );
-    let failure = Failure::new(Exit::Unreachable, what);
+    let failure = Failure::unreachable(what);
     Err(failure.help(
         "end it first: Ctrl-C in its terminal, or `systemctl stop spykee` for a service of systemd",
     ))
@@ -197,13 +197,13 @@ pub(super) fn ask(
     let name = run.name();
     let answer = block_on(unless_interrupted(run.ask(request, limit)))??;
     let answer = answer.ok_or_else(Failure::interrupted)?.map_err(|error| {
-        Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
+        Failure::unreachable(format_args!("{error} ({name})"))
             .help("`spykee status` lists the active runs")
     })?;
     match answer {
         RunResponse::Offline => {
             let what = format!("the run ({name}) has lost the robot and is reconnecting");
-            let failure = Failure::new(Exit::Unreachable, what);
+            let failure = Failure::unreachable(what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
         RunResponse::Refused { error: why } => {
@@ -229,6 +229,6 @@ pub(super) fn order(run: &Client, request: &RunRequest, limit: Duration) -> Resu
 /// The failure for a reply that does not match the request, which only a run of another version
 /// sends.
 pub(super) fn unexpected_reply() -> Failure {
-    Failure::new(Exit::Unreachable, "the run sent an unexpected reply")
+    Failure::unreachable("the run sent an unexpected reply")
         .help("was it started by another version of this program?")
 }

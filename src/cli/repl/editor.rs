@@ -289,8 +289,8 @@ impl<P: ExternalPrinter> Write for AbovePrompt<P> {
 /// `None` without a home.
 fn history_path() -> Option<PathBuf> {
     let folder = |name| {
-        let path = PathBuf::from(std::env::var_os(name)?);
-        path.is_absolute().then_some(path)
+        let path = std::env::var_os(name).map(PathBuf::from);
+        path.filter(|path| path.is_absolute())
     };
     let state = folder("XDG_STATE_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".local").join("state")))?;

@@ -137,7 +137,7 @@ impl RobotSession {
                 let seconds = after.as_secs_f64();
                 let what =
                     format_args!("the robot has not confirmed the commands within {seconds:.1} s");
-                let failure = Failure::new(Exit::Unreachable, what);
+                let failure = Failure::unreachable(what);
                 Err(failure.help("is the robot still in reach of its Wi-Fi? try again"))
             }
             _ => Ok(()),
@@ -187,7 +187,7 @@ impl RobotSession {
         let Some(first) = self.receive(REPLY_TIMEOUT, pick).await? else {
             let seconds = REPLY_TIMEOUT.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
-            let failure = Failure::new(Exit::Unreachable, what);
+            let failure = Failure::unreachable(what);
             return Err(failure.help("the robot may send this only to the user admin"));
         };
         let mut length = first.len();

@@ -177,6 +177,5 @@ pub(in crate::cli) fn video(on: bool) -> Command {
 fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
     let seconds = limit.as_secs();
     let what = format!("no intact frame arrived within {seconds} s; damaged ones: {damaged}");
-    Failure::new(Exit::Unreachable, what)
-        .help("move the robot closer to this computer, or increase --timeout")
+    Failure::unreachable(what).help("move the robot closer to this computer, or increase --timeout")
 }

@@ -106,7 +106,7 @@ pub(super) fn stop(args: &StopArgs, settings: &CommandSettings) -> Result<Exit, 
     if unconfirmed.is_empty() {
         return Ok(Exit::Done);
     }
-    let failure = Failure::new(Exit::Unreachable, unconfirmed.join("; "));
+    let failure = Failure::unreachable(unconfirmed.join("; "));
     Err(failure.help(
         "is the robot still in reach of its Wi-Fi? a program that hangs can be ended with `kill \
          -KILL PROCESS`: its guardian then stops the robot",
@@ -241,7 +241,7 @@ fn stop_directly(
                 }
                 Some(delivery) => {
                     let help = "is the robot still in reach of its Wi-Fi? try again";
-                    return Err(Failure::new(Exit::Unreachable, delivery).help(help));
+                    return Err(Failure::unreachable(delivery).help(help));
                 }
                 None => return Ok(Exit::Interrupted),
             }
@@ -259,7 +259,7 @@ fn stop_service(service: &Client) -> Result<Exit, Failure> {
     warn_of(&outcome.kept);
     let words = outcome.confirmation;
     if words == StopConfirmation::NotConfirmed {
-        return Err(Failure::new(Exit::Unreachable, words));
+        return Err(Failure::unreachable(words));
     }
     print(&format!(
         "stopped: {words}; the robot does not move until it is released, at the page or with `spykee \
