@@ -68,7 +68,7 @@ impl TokenBucket {
 /// A daily budget, in bytes or other units.
 #[derive(Debug, Clone)]
 pub struct Budget {
-    per_day: u64,
+    pub per_day: u64,
     bucket: TokenBucket,
 }
 
@@ -105,10 +105,6 @@ impl Budget {
             self.bucket.level = self.bucket.level.min(left as f64);
         }
         self
-    }
-
-    pub fn per_day(&self) -> u64 {
-        self.per_day
     }
 }
 
@@ -237,7 +233,7 @@ mod tests {
         assert!(!budget.take(1, now));
         now += Duration::from_secs(3600);
         assert!(budget.take(95, now) && !budget.take(10, now));
-        assert_eq!(budget.per_day(), 2400);
+        assert_eq!(budget.per_day, 2400);
         assert!(!Budget::new(0).take(1, now));
     }
 

@@ -318,7 +318,7 @@ impl BehaviourSet {
     }
 
     fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, ScriptExit>) {
-        let by = restart_loop.by();
+        let by = restart_loop.by;
         if let Some(one) = self.active.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }

@@ -164,7 +164,7 @@ impl StoreWriter {
             self.slow = Some(true);
             return Some(format!(
                 "the limit of {} bytes per day is used up: from now on the store is saved once per minute",
-                self.day.per_day()
+                self.day.per_day
             ));
         }
         self.collect_result();

@@ -29,7 +29,8 @@ const STALL: Duration = Duration::from_millis(200);
 #[derive(Debug, Clone, Default)]
 pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
-    started_by: Option<String>,
+    /// Who has started it, if it does not belong to the run from its beginning.
+    pub started_by: Option<String>,
     ended_by: Arc<OnceLock<String>>,
     has_driven: Arc<AtomicBool>,
 }
@@ -41,11 +42,6 @@ impl Handle {
             started_by: Some(by.to_owned()),
             ..Handle::default()
         }
-    }
-
-    /// Who has started it, if it does not belong to the run from its beginning.
-    pub fn started_by(&self) -> Option<String> {
-        self.started_by.clone()
     }
 
     /// Who has told it to end, or what.

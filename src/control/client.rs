@@ -170,7 +170,7 @@ impl Client {
     pub fn name(&self) -> String {
         match &self.transport {
             Transport::Socket(_) => format!("process {}", self.status.process),
-            Transport::Web(remote) => remote.url().to_string(),
+            Transport::Web(remote) => remote.url.to_string(),
         }
     }
 
@@ -285,7 +285,7 @@ impl From<hyper::Error> for AskError {
 /// The address of a service, and the token for access to it.
 #[derive(Debug, Clone)]
 pub struct Remote {
-    url: ServiceUrl,
+    pub url: ServiceUrl,
     token: Option<HeaderValue>,
 }
 
@@ -301,10 +301,6 @@ impl Remote {
         });
         let token = token.transpose().map_err(|_| AskError::Token)?;
         Ok(Remote { url, token })
-    }
-
-    pub fn url(&self) -> &ServiceUrl {
-        &self.url
     }
 
     /// Sends one request and waits for the answer at most this long. Blocks the calling thread.

@@ -366,7 +366,7 @@ impl Executor {
                 }
             }
             OrderResult::Home(ended) => {
-                if !self.idle.is_docking() {
+                if !self.idle.docking {
                     return;
                 }
                 self.docking_task = None;

@@ -38,7 +38,7 @@ pub(super) struct IdleRobot {
     policy: Service,
     /// Since when nothing has driven and the robot is connected.
     since: Option<Instant>,
-    docking: bool,
+    pub(super) docking: bool,
     /// Whether it was on its station at the last poll.
     docked: bool,
     backoff: Backoff,
@@ -62,10 +62,6 @@ impl IdleRobot {
 
     pub(super) fn replace(&mut self, policy: Service) {
         self.policy = policy;
-    }
-
-    pub(super) fn is_docking(&self) -> bool {
-        self.docking
     }
 
     pub(super) fn docked(&mut self, done: bool, now: Instant) {
