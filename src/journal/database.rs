@@ -294,7 +294,7 @@ mod tests {
 
     fn event(at: i64, text: &str) -> Row {
         let content = Content::Event {
-            kind: "link_down",
+            kind: "link_down".to_owned(),
             behaviour: None,
             data: serde_json::json!({ "event": "link_down", "reason": text }).to_string(),
         };

@@ -123,7 +123,7 @@ pub(super) enum Content {
         charging: bool,
     },
     Event {
-        kind: &'static str,
+        kind: String,
         behaviour: Option<String>,
         data: String,
     },
@@ -141,29 +141,29 @@ impl Content {
         if let AgentEvent::Battery(battery) = what {
             return Content::of_battery(battery);
         }
-        let kind = what.kind();
         // Serialisation cannot fail: all keys of an event are strings.
-        let event = serde_json::to_value(what).unwrap_or_else(|_| json!({ "event": kind }));
+        let event = serde_json::to_value(what).unwrap_or_default();
+        let kind = event["event"].as_str().unwrap_or_default().to_owned();
         let by = match what {
             AgentEvent::Dock { .. } | AgentEvent::Undock { .. } => &event["by"],
             _ => &event["behaviour"],
         };
-        let text = event.to_string();
+        let behaviour = by.as_str().map(str::to_owned);
+        let mut data = event.to_string();
+        if data.len() > LONGEST {
+            data = json!({ "event": kind, "too_long": data.len() }).to_string();
+        }
         Content::Event {
             kind,
-            behaviour: by.as_str().map(str::to_owned),
-            data: if text.len() > LONGEST {
-                json!({ "event": kind, "too_long": text.len() }).to_string()
-            } else {
-                text
-            },
+            behaviour,
+            data,
         }
     }
 
     pub(super) fn of_lost(count: u64) -> Content {
         let data: Value = json!({ "event": "lost", "count": count });
         Content::Event {
-            kind: "lost",
+            kind: "lost".to_owned(),
             behaviour: None,
             data: data.to_string(),
         }

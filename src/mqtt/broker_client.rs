@@ -284,13 +284,12 @@ impl BrokerClient {
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
-        if !EVENTS.contains(&what.kind()) {
+        let mut event = serde_json::to_value(what).unwrap_or_default();
+        let kind = event["event"].clone();
+        if !EVENTS.iter().any(|one| kind == *one) {
             return;
         }
-        let Ok(mut event) = serde_json::to_value(what) else {
-            return;
-        };
-        event["event_type"] = what.kind().into();
+        event["event_type"] = kind;
         if connection.publish(&self.topics.named("event"), event.to_string().into())
             == Err(QueueFull)
         {
