@@ -239,12 +239,7 @@ impl Supervisor {
                 }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(exit))) => return Some(exit),
-                    Ok(Some(message)) => {
-                        if matches!(&message, FromHost::Intent(intent) if intent.drives()) {
-                            handle.has_driven.store(true, Ordering::Relaxed);
-                        }
-                        self.handle_message(message).await;
-                    }
+                    Ok(Some(message)) => self.handle_message(message, handle).await,
                     Ok(None) => return None,
                     Err(error) => {
                         debug!("the pipe to a host broke: {error}");
@@ -295,13 +290,19 @@ impl Supervisor {
         }
     }
 
-    async fn handle_message(&mut self, message: FromHost) {
+    async fn handle_message(&mut self, message: FromHost, handle: &Handle) {
         if self.is_running {
             self.reset_liveness();
         }
         let by = self.host.by;
+        let viewers = &self.context.viewers;
         let request = match message {
-            FromHost::Intent(intent) => Request::Intent(by, intent),
+            FromHost::Intent(intent) => {
+                if intent.drives() {
+                    handle.has_driven.store(true, Ordering::Relaxed);
+                }
+                Request::Intent(by, intent)
+            }
             FromHost::Alive => Request::Alive(by),
             FromHost::WantFrame { damaged } => {
                 self.frame_wanted = true;
@@ -313,19 +314,13 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.context.viewers.send(Detections {
+                return viewers.send(Detections {
                     behaviour,
                     frame,
                     list,
                 });
             }
-            FromHost::Params(params) => {
-                return self
-                    .context
-                    .viewers
-                    .params()
-                    .declare(&self.host.name, params);
-            }
+            FromHost::Params(params) => return viewers.params().declare(&self.host.name, params),
             FromHost::Log(line) => return self.write(line),
             FromHost::HostReport(report) => return self.report(report),
             FromHost::Evaluated(evaluated) => {

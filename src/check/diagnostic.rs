@@ -85,7 +85,7 @@ impl Diagnostic {
     pub(crate) fn help(self, help: impl Into<String>) -> Diagnostic {
         let help = help.into();
         Diagnostic {
-            help: (!help.is_empty()).then_some(help),
+            help: Some(help).filter(|help| !help.is_empty()),
             ..self
         }
     }

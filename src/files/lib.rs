@@ -76,7 +76,7 @@ pub fn read_jpeg(path: &Path, most: u64) -> Option<Vec<u8>> {
     let name = path.file_name()?.to_str()?;
     let read = Folder::open(path.parent()?).ok()?.read(name, most);
     let bytes = read.ok().flatten()?;
-    bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
+    Some(bytes).filter(|bytes| bytes.starts_with(&[0xff, 0xd8]))
 }
 
 /// Reads a private file: it must belong to this user, with no access for the group or others.

@@ -176,7 +176,10 @@ fn admit(
 
 /// Returns the token of a tool that can send no headers.
 fn token_in_address(uri: &Uri) -> Option<&str> {
-    let mut fields = uri.query().filter(|_| uri.path() == CAMERA)?.split('&');
+    if uri.path() != CAMERA {
+        return None;
+    }
+    let mut fields = uri.query()?.split('&');
     fields.find_map(|field| field.strip_prefix("token="))
 }
 

@@ -67,7 +67,7 @@ struct LivePictures {
 
 impl LivePictures {
     fn new(viewer: Viewer) -> LivePictures {
-        let camera = &viewer.broadcast().camera;
+        let camera = &viewer.broadcast.camera;
         LivePictures {
             frames: camera.newest.subscribe(),
             _watching: camera.register(),
@@ -78,7 +78,7 @@ impl LivePictures {
 
     /// The next part; `None` at the end.
     async fn next_part(&mut self) -> Option<Bytes> {
-        let access = &self.viewer.broadcast().access;
+        let access = &self.viewer.broadcast.access;
         let changed = tokio::select! {
             biased;
             () = access.revoked(&self.viewer.visitor) => return None,

@@ -32,7 +32,7 @@ static NUMBER: AtomicU32 = AtomicU32::new(1);
 
 /// A viewer, until dropped. Dropping it releases the drive lock.
 pub(super) struct Viewer {
-    broadcast: Arc<Broadcast>,
+    pub(super) broadcast: Arc<Broadcast>,
     pub(super) id: u32,
     pub(super) visitor: Visitor,
     /// Cancelled when another viewer needs the place.
@@ -107,10 +107,6 @@ impl Viewer {
             evicted,
             name: Mutex::new(name),
         })
-    }
-
-    pub(super) fn broadcast(&self) -> &Arc<Broadcast> {
-        &self.broadcast
     }
 
     pub(super) fn rename(&self, name: &str) {

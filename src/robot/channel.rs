@@ -148,10 +148,6 @@ impl EventSender {
         self.kill
             .send_if_modified(|kill| kill.replace(reason).is_none());
     }
-
-    pub fn dropped(&self) -> u64 {
-        self.dropped
-    }
 }
 
 /// The supervisor's end.
@@ -211,7 +207,7 @@ mod tests {
     async fn an_event_that_does_not_fit_is_dropped_but_an_answer_ends_the_behaviour() {
         let (mut events, mut inbox) = events();
         (0..MAX_EVENTS + 3).for_each(|_| events.tell(Event::Docked));
-        assert_eq!(events.dropped(), 3);
+        assert_eq!(events.dropped, 3);
         assert_eq!(inbox.next().await, PilotMessage::Event(Event::Docked));
         events.tell(Event::Docked);
         events.tell(Event::MotionEnded {

@@ -25,11 +25,7 @@ impl Percent {
 
     /// `percent`, limited to 100.
     pub const fn saturating(percent: u8) -> Percent {
-        if percent <= 100 {
-            Percent(percent)
-        } else {
-            Percent(100)
-        }
+        Percent(if percent <= 100 { percent } else { 100 })
     }
 
     /// 0..=100.

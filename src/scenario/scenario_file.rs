@@ -129,7 +129,7 @@ impl ScenarioFile {
         let stem = self.file.file_stem()?.to_str()?;
         let name = format!("{}.lua", stem.strip_suffix("_test")?);
         let file = self.folder()?.join(name);
-        file.is_file().then_some(file)
+        Some(file).filter(|file| file.is_file())
     }
 
     pub(super) fn line(&self, number: u32) -> Option<String> {

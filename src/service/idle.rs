@@ -120,13 +120,10 @@ impl IdleRobot {
         if now < since + self.policy.idle_after.get() || self.docking || status.low {
             return None;
         }
-        if status.docked {
-            if !release || activity == Activity::Watched {
-                return None;
-            }
+        if status.docked && release && activity != Activity::Watched {
             return self.request_once(status.link, LinkState::Up, IdleAction::Release);
         }
-        if !self.policy.dock || self.next.is_some_and(|next| now < next) {
+        if status.docked || !self.policy.dock || self.next.is_some_and(|next| now < next) {
             return None;
         }
         self.docking = true;
