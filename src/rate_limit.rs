@@ -127,7 +127,6 @@ impl Backoff {
         }
     }
 
-    /// The next pause.
     pub fn step(&mut self) -> Duration {
         let step = self.step;
         self.step = step.saturating_mul(2).min(self.longest);

@@ -140,7 +140,6 @@ impl BehaviourSet {
 
     /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
-    /// Fails with [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active

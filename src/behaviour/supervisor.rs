@@ -76,7 +76,6 @@ impl Handle {
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
     }
 
-    /// Why it was told to end, if it was.
     pub fn reason(&self) -> Option<EndReason> {
         *self.stop.borrow()
     }
@@ -106,7 +105,6 @@ pub struct Supervisor {
     repl_channel: Option<ReplChannel>,
     is_running: bool,
     liveness: Option<Liveness>,
-    /// Parameter changes by users.
     param_changes: broadcast::Receiver<ParamChange>,
 }
 
@@ -475,7 +473,6 @@ impl Liveness {
     }
 }
 
-/// Capacity of the queue of commands to the behaviour.
 const MAX_COMMANDS: usize = 16;
 /// Capacity of the queue to the user; its last slot is reserved for answers.
 const MAX_MESSAGES: usize = 512;

@@ -17,7 +17,6 @@ pub enum Severity {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
     pub file: String,
-    /// The line, from 1.
     pub line: u32,
     /// The column, from 1, in characters.
     pub column: u32,

@@ -54,7 +54,6 @@ pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, 
     })
 }
 
-/// Reads a script and its options from the config.
 fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Launch, Failure> {
     let source = read_source(file)?;
     let is_this = |entry: &&Entry| same_file(&entry.file, file);

@@ -26,9 +26,6 @@ pub(super) struct Driver {
 }
 
 /// Lets `job` drive this robot: see [`drive`].
-///
-/// # Errors
-/// A person's STOP holds, the robot cannot be reached, or the job fails.
 pub(super) fn drive_target(
     target: &RobotTarget,
     seed: u64,

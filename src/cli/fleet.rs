@@ -22,7 +22,6 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
 const LONGEST_CERTIFICATES: u64 = 1 << 20;
 /// Time limit for sending the last words to the broker.
 pub(super) const BROKER_END: Duration = Duration::from_secs(2);
-/// The name for all robots that are online.
 const ALL: &str = "all";
 
 const HEAD: &str = "ROBOT|CONNECTION|STATE|>BATTERY|RUNNING|PROBLEM";

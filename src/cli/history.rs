@@ -312,7 +312,6 @@ fn message_and_who(one: &Record) -> String {
     }
 }
 
-/// Who asked for a docking.
 fn asked_by(one: &Record) -> &str {
     match one.text("by") {
         "" => "watchdog",

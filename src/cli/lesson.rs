@@ -60,7 +60,6 @@ fn list() -> Result<Exit, Failure> {
     ))
 }
 
-/// The lessons for a class in the browser.
 pub(super) fn of_class() -> Vec<ClassLesson> {
     let lesson = |lesson: &'static Lesson| ClassLesson {
         name: lesson.folder,
@@ -85,7 +84,6 @@ pub(super) fn judge(lesson: &str, file: &Path, console: &Console) -> Result<Valu
     }))
 }
 
-/// The names of the lessons, for shells to complete.
 pub(super) fn lesson_names() -> impl Iterator<Item = &'static str> {
     Lesson::all().iter().map(Lesson::name)
 }

@@ -175,7 +175,6 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-/// What the page shows of the behaviours.
 fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
     let scripts = behaviours.iter().map(live::script).collect();
     let timetable = None;

@@ -93,9 +93,6 @@ impl SharedTargetArgs {
 
     /// The service on another computer that the command line or the config names. `None` with
     /// `--sim` or a robot.
-    ///
-    /// # Errors Flags that cannot be combined; a config that cannot be used; a service that cannot
-    /// be reached.
     pub(super) fn find_service(
         &self,
         settings: &CommandSettings,

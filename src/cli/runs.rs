@@ -90,7 +90,6 @@ pub(super) fn next_start(run: &RunStatus, zone: &Zone) -> String {
     format!("{next} (paused until {until})")
 }
 
-/// Describes the battery, for people.
 pub(super) fn describe(battery: Battery) -> String {
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         let plural = if minutes.round() == 1.0 { "" } else { "s" };

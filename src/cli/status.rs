@@ -85,7 +85,6 @@ fn state(status: &Status) -> String {
     }
 }
 
-/// The simulated robot's lights that are on, if any.
 fn lights(state: &State) -> Option<String> {
     let leds = [
         ("flash", state.leds.flash),

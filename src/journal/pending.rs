@@ -16,7 +16,6 @@ const MAX_PER_MINUTE: u32 = 600;
 const MINUTE: Duration = Duration::from_secs(60);
 /// Rows within this time are written together.
 const BATCH_TIME: Duration = Duration::from_millis(250);
-/// Pause after a failed write.
 const RETRY_PAUSE: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Default)]
@@ -24,7 +23,6 @@ pub(super) struct Pending {
     rows: Vec<Row>,
     /// Number of events that are not among the rows.
     lost: u64,
-    /// The robot that was connected last.
     robot: Option<String>,
     /// The battery level, while the link is up.
     battery: Option<Battery>,
@@ -110,7 +108,6 @@ const LONGEST: usize = 16 * 1024;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Row {
     pub(super) at: i64,
-    /// The uid of the connected robot.
     pub(super) robot: Option<String>,
     pub(super) content: Content,
 }

@@ -119,7 +119,6 @@ fn hello(viewer: &Viewer) -> Utf8Bytes {
 struct Reader {
     viewer: Viewer,
     watch: watch::Sender<Watch>,
-    /// Number of frames taken.
     taken: watch::Sender<u32>,
     messages: mpsc::Sender<Utf8Bytes>,
     commands: Vec<AbortOnDropHandle<()>>,
@@ -237,7 +236,6 @@ struct Writer {
     watched: watch::Receiver<Watch>,
     taken: watch::Receiver<u32>,
     outgoing: mpsc::Receiver<Utf8Bytes>,
-    /// Number of frames sent.
     sent: u32,
     map: Option<watch::Receiver<Utf8Bytes>>,
     log: Option<broadcast::Receiver<Line>>,

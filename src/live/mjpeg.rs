@@ -23,7 +23,6 @@ use crate::http::{Refusal, Visitor};
 use crate::robot::{Frame, Use};
 use crate::wire::Stream;
 
-/// The boundary is `frame`.
 pub(super) const CONTENT_TYPE: &str = "multipart/x-mixed-replace; boundary=frame";
 const BOUNDARY: &str = "--frame\r\n";
 /// How long the first picture may take.

@@ -62,7 +62,6 @@ pub(super) struct BrokerClient {
     rng: StdRng,
     /// Number of events dropped because the queue was full.
     dropped: u64,
-    /// Whether the loss of the connection was logged already.
     loss_logged: bool,
     log: LimitedLog,
 }
@@ -372,7 +371,6 @@ impl BrokerClient {
         Ok(())
     }
 
-    /// Starts a command with its request to the run, if it has one.
     fn perform(&mut self, command: BrokerCommand, request: Result<RunRequest, String>) {
         let drives = matches!(
             request,
@@ -477,7 +475,6 @@ async fn next_event(phase: &mut Phase) -> Option<ConnectionEvent> {
     }
 }
 
-/// Bytes per day.
 const PER_DAY: u64 = 1 << 20;
 /// Bytes of time and level before a line.
 const PREFIX: u64 = 40;

@@ -78,7 +78,6 @@ pub enum AgentEvent {
     },
     /// The robot has left its station for a behaviour, or not in time.
     Undock {
-        /// The behaviour that asked for it.
         by: String,
         end: DockEnd,
     },
@@ -144,7 +143,6 @@ pub enum AgentEvent {
     Notify {
         behaviour: String,
         text: String,
-        /// A picture that it saved.
         picture: Option<PathBuf>,
     },
 }
@@ -158,7 +156,6 @@ pub enum HostReport {
     Entry {
         /// The kind, a word that the script chooses.
         kind: String,
-        /// A JSON object.
         json: String,
     },
     Notify {

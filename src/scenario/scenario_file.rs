@@ -37,12 +37,9 @@ pub struct ScenarioFile {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
-    /// Unique in its file.
     pub name: String,
     pub options: Options,
-    /// The line of its declaration, from 1.
     pub line: u32,
-    /// Its index in the file, from 0.
     pub(super) index: usize,
 }
 

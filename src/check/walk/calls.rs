@@ -481,7 +481,6 @@ impl<'a> Walk<'a> {
         self.wrong(passed, &wanted, &number.to_string());
     }
 
-    /// Reports a value of the wrong kind, if its kind is known.
     fn wrong_kind(&mut self, passed: Passed<'a>, kind: ValueKind<'a>) {
         let got = match passed.argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
@@ -492,7 +491,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports a name that is none of the known ones.
     fn known(&mut self, call: &str, what: &str, name: &str, known: &[&str], span: Span) {
         if known.contains(&name) {
             return;

@@ -16,7 +16,6 @@ const TWICE: &str = "handed in twice, under the same name";
 /// Each learner's script, or why there is none, by name.
 pub(super) type Scripts = BTreeMap<String, Result<PathBuf, String>>;
 
-/// What was handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct HandedIn {
     /// Those in the folder, and those on the list who are not in it.

@@ -35,7 +35,6 @@ Global variables stay until the session ends; a `local` one ends with its line.
   :help       show this text
   :quit       end the session";
 
-/// A message from the prompt.
 #[derive(Debug)]
 pub(super) enum Typed {
     /// All output is written and the prompt is about to be shown.
@@ -49,7 +48,6 @@ pub(super) enum Typed {
     End,
 }
 
-/// A message to the prompt.
 #[derive(Debug)]
 pub(super) enum EditorCommand {
     Print(String),
