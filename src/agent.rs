@@ -32,7 +32,6 @@ use crate::script::ScriptExit;
 
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 
-/// A script and how to run it.
 #[derive(Debug)]
 pub struct Behaviour {
     /// Decides which behaviour drives when several want to.
@@ -86,13 +85,11 @@ pub struct Outcome {
     pub owes_stop: bool,
 }
 
-/// Why a run was aborted.
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
     /// The first connection failed.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// A task of this program panicked; the robot was told to stop.
     #[error("internal error: {0} panicked; the robot has been stopped")]
     Broken(&'static str),
 }

@@ -142,7 +142,6 @@ pub async fn or_never<T>(future: Option<impl Future<Output = T>>) -> T {
     }
 }
 
-/// What a duration must be.
 const SPAN_EXPECTED: &str =
     "a duration such as 90s, 30m, 1h30m or 7d, or a number of seconds, at most 366d";
 
@@ -150,7 +149,6 @@ const SPAN_EXPECTED: &str =
 pub enum ClockError {
     #[error("`{0}` is not a date such as \"2026-03-29 01:30\"")]
     Date(String),
-    /// Not a duration, or one longer than a year.
     #[error("expected {SPAN_EXPECTED}, found `{0}`")]
     Span(String),
     #[error("there is no time zone `{0}`")]
@@ -166,7 +164,6 @@ pub struct Zone {
 }
 
 impl Zone {
-    /// Returns universal time.
     pub fn utc() -> Zone {
         Zone {
             name: "UTC".to_owned(),
@@ -186,7 +183,6 @@ impl Zone {
         &self.name
     }
 
-    /// Converts an instant to the local time of this zone.
     pub fn time(&self, instant: Timestamp) -> Zoned {
         instant.to_zoned(self.rules.clone())
     }

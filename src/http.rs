@@ -44,9 +44,7 @@ pub use middleware::{
     CAMERA, Me, ROLE, cookie, count_as_member, guard_request, routes, set_cookie,
 };
 
-/// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
-/// Maximum number of viewers at a time.
 pub const MAX_VIEWERS: usize = 32;
 
 /// `live:` of the config.
@@ -83,7 +81,6 @@ const HEAD: Duration = Duration::from_secs(5);
 const MAX_HEAD: usize = 64 * 1024;
 /// How long the client may read nothing of a response.
 const STALL: Duration = Duration::from_secs(15);
-/// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Serves the network; never returns. A connection carries one request, so that the timeout for its
@@ -122,7 +119,6 @@ async fn pause_after(error: &io::Error) {
     sleep(PAUSE).await;
 }
 
-/// A router and its open connections.
 struct Server {
     connections: Arc<Connections>,
     router: Arc<TowerToHyperService<Router>>,

@@ -79,7 +79,6 @@ const FAILED_EVERY: Duration = Duration::from_secs(600);
 /// How often the same ENGINE report is logged.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
-/// The end of a run.
 #[derive(Debug)]
 struct Ending {
     /// When it is over at the latest.
@@ -94,11 +93,9 @@ pub struct Shutdown {
     /// No motion is allowed any more, except the search of a robot with a low battery; lights and
     /// sounds still work.
     pub stop_motion: CancellationToken,
-    /// Close the link and return.
     pub close_link: CancellationToken,
 }
 
-/// The pilot's settings, besides the connection.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The numbers of the safety rules.
@@ -107,7 +104,6 @@ pub struct Settings {
     pub simulated: bool,
     /// Seeds the jitter of the pauses between attempts to connect.
     pub seed: u64,
-    /// The timeouts of the link.
     pub link: crate::link::Options,
     /// Whether the first connection is repeated, like each later one, until the robot accepts the
     /// login; only a refused password ends that.
@@ -131,7 +127,6 @@ pub struct Pilot {
     debt: Debt,
     /// A robot that answers questions executes nothing at present.
     executes_nothing: bool,
-    /// When the link was lost.
     lost_at: Option<Instant>,
     minutes_left: MinutesLeft,
     pictures: watch::Sender<Pictures>,
@@ -226,7 +221,6 @@ impl Pilot {
         self.heartbeat = heartbeat;
     }
 
-    /// Sets the bus on which the pilot publishes.
     pub fn set_bus(&mut self, bus: Bus) {
         self.bus = bus;
     }

@@ -68,7 +68,7 @@ impl TokenBucket {
 /// A daily budget, in bytes or other units.
 #[derive(Debug, Clone)]
 pub struct Budget {
-    per_day: u64,
+    pub per_day: u64,
     bucket: TokenBucket,
 }
 
@@ -106,10 +106,6 @@ impl Budget {
         }
         self
     }
-
-    pub fn per_day(&self) -> u64 {
-        self.per_day
-    }
 }
 
 /// Growing pauses: each step is twice as long as the one before, up to the longest.
@@ -131,7 +127,6 @@ impl Backoff {
         }
     }
 
-    /// The next pause.
     pub fn step(&mut self) -> Duration {
         let step = self.step;
         self.step = step.saturating_mul(2).min(self.longest);
@@ -237,7 +232,7 @@ mod tests {
         assert!(!budget.take(1, now));
         now += Duration::from_secs(3600);
         assert!(budget.take(95, now) && !budget.take(10, now));
-        assert_eq!(budget.per_day(), 2400);
+        assert_eq!(budget.per_day, 2400);
         assert!(!Budget::new(0).take(1, now));
     }
 

@@ -116,7 +116,6 @@ impl Battery {
         }
     }
 
-    /// The level, for people.
     pub fn level(&self) -> String {
         match self.percent {
             Some(percent) => percent.to_string(),

@@ -18,7 +18,6 @@ const MIN_PROBE_INTERVAL: Duration = Duration::from_secs(1);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FormerLink {
     local: SocketAddr,
-    /// The robot's address.
     pub peer: SocketAddr,
 }
 

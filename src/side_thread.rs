@@ -22,9 +22,6 @@ pub struct SideThread {
 impl SideThread {
     /// Runs `life` on a thread of this name. `life` may block, and ends soon after its token is
     /// cancelled.
-    ///
-    /// # Errors
-    /// If the system refuses a runtime or a thread.
     pub fn start<F: Future<Output = ()>>(
         name: &str,
         life: impl FnOnce(CancellationToken) -> F + Send + 'static,

@@ -1,6 +1,7 @@
 //! The behaviours that run side by side in one agent: executes the commands of the
 //! [`Roster`](super::roster). Nothing here is on the driving core or can move the robot.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -40,6 +41,8 @@ pub(super) struct BehaviourSet {
     loading: JoinSet<Loaded>,
     /// Each behaviour's last ending by name, in the order in which they ended.
     exits: Vec<(String, ScriptExit)>,
+    /// Those of them whose script could not be loaded.
+    unloadable: BTreeSet<String>,
     statuses: watch::Sender<Vec<BehaviourStatus>>,
     status: watch::Receiver<Status>,
     last: u16,
@@ -61,6 +64,7 @@ impl BehaviourSet {
             running: JoinSet::new(),
             loading: JoinSet::new(),
             exits: Vec::new(),
+            unloadable: BTreeSet::new(),
             statuses,
             status,
             last: NUMBERS - 1,
@@ -136,7 +140,6 @@ impl BehaviourSet {
 
     /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
-    /// Fails with [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active
@@ -202,8 +205,8 @@ impl BehaviourSet {
 
     fn define(&mut self, specs: Vec<BehaviourSpec>) {
         for spec in &specs {
-            if let Some(problem) = spec.problem() {
-                self.keep_exit(spec.name(), cannot_start(problem));
+            if let Some(problem) = &spec.problem {
+                self.keep_problem(spec.name(), problem);
             }
         }
         self.specs = specs;
@@ -280,9 +283,9 @@ impl BehaviourSet {
                 if let Some(reply) = one.started.take() {
                     let _ = reply.send(Ok(()));
                 }
-                let is_over = |exit: &ScriptExit| exit.text().starts_with(CANNOT_START);
-                self.exits
-                    .retain(|(of, exit)| *of != one.name || !is_over(exit));
+                if self.unloadable.remove(&one.name) {
+                    self.exits.retain(|(of, _)| *of != one.name);
+                }
                 self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
@@ -298,7 +301,7 @@ impl BehaviourSet {
                                 seconds: 0.0,
                                 by: None,
                             });
-                            self.keep_exit(&one.name, cannot_start(why));
+                            self.keep_problem(&one.name, why);
                         }
                         why
                     }
@@ -314,7 +317,7 @@ impl BehaviourSet {
     }
 
     fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, ScriptExit>) {
-        let by = restart_loop.by();
+        let by = restart_loop.by;
         if let Some(one) = self.active.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
@@ -354,11 +357,21 @@ impl BehaviourSet {
 
     /// Remembers an ending; the list is bounded by the number of names.
     fn keep_exit(&mut self, name: &str, exit: ScriptExit) {
+        self.unloadable.remove(name);
         self.exits.retain(|(of, _)| of != name);
         self.exits.push((name.to_owned(), exit));
     }
 
-    /// A number that no running behaviour has.
+    /// The same of one whose script cannot be loaded.
+    fn keep_problem(&mut self, name: &str, why: &str) {
+        let exit = ScriptExit {
+            reason: EndReason::Error,
+            message: Some(format!("cannot start: {why}")),
+        };
+        self.keep_exit(name, exit);
+        self.unloadable.insert(name.to_owned());
+    }
+
     fn number(&mut self) -> BehaviourId {
         loop {
             self.last = (self.last + 1) % NUMBERS;
@@ -384,16 +397,6 @@ impl BehaviourSet {
     fn publish(&self) {
         let statuses = statuses(&self.specs, &self.active, &self.exits);
         self.statuses.send_replace(statuses);
-    }
-}
-
-const CANNOT_START: &str = "cannot start: ";
-
-/// The exit of a behaviour whose script cannot be loaded.
-fn cannot_start(why: &str) -> ScriptExit {
-    ScriptExit {
-        reason: EndReason::Error,
-        message: Some(format!("{CANNOT_START}{why}")),
     }
 }
 
@@ -508,7 +511,7 @@ pub(super) fn statuses(
     let known = |name: &str| specs.iter().any(|one| one.name() == name);
     let rest = active.iter().filter(|one| !known(&one.name));
     let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
-    let all = specs.iter().map(|one| (one.name(), one.priority()));
+    let all = specs.iter().map(|one| (one.name(), one.priority));
     let behaviour_status = |(name, priority): (&str, Priority)| {
         let running = active.iter().find(|one| one.name == name);
         let exit = exits.iter().find(|(of, _)| of == name);

@@ -30,7 +30,6 @@ pub struct PilotClient {
     last: u64,
 }
 
-/// Why a request failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum PilotClientError {
     #[error("the pilot has ended")]

@@ -16,7 +16,6 @@ use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Priority};
 use crate::script::ScriptExit;
 
-/// Why a session was aborted.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplError {
     /// An error of the robot's link, or an internal error.

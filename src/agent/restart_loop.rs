@@ -30,7 +30,7 @@ pub(super) struct RestartLoop {
     context: HostContext,
     /// Ends it for good.
     stop: Handle,
-    by: BehaviourId,
+    pub(super) by: BehaviourId,
     role: Role,
     /// Its `launch` holds the text that runs, or ran last.
     behaviour: Behaviour,
@@ -60,10 +60,6 @@ impl RestartLoop {
 
     pub(super) fn name(&self) -> &str {
         &self.behaviour.launch.options.name
-    }
-
-    pub(super) fn by(&self) -> BehaviourId {
-        self.by
     }
 
     /// A text that cannot be loaded may be corrected during the run.
@@ -104,7 +100,7 @@ impl RestartLoop {
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
         self.context.bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
-            by: self.stop.started_by(),
+            by: self.stop.started_by.clone(),
         });
         let handle = self.stop.one_life();
         let supervisor = Supervisor::register(host, self.role, self.context.clone(), None).await;

@@ -27,8 +27,9 @@ const ANSWER: Duration = Duration::from_secs(10);
 #[derive(Clone)]
 pub struct BehaviourSpec {
     name: String,
-    priority: Priority,
-    problem: Option<String>,
+    pub(super) priority: Priority,
+    /// Why it cannot be started at present, for those who look at the list.
+    pub problem: Option<String>,
     make: Arc<dyn Fn() -> Result<Behaviour, RosterError> + Send + Sync>,
 }
 
@@ -58,19 +59,6 @@ impl BehaviourSpec {
         &self.name
     }
 
-    /// Notes why it cannot be started at present, for those who look at the list.
-    pub fn set_problem(&mut self, problem: String) {
-        self.problem = Some(problem);
-    }
-
-    pub fn problem(&self) -> Option<&str> {
-        self.problem.as_deref()
-    }
-
-    pub(super) fn priority(&self) -> Priority {
-        self.priority
-    }
-
     pub(super) fn make(&self) -> Result<Behaviour, RosterError> {
         (self.make)()
     }
@@ -82,7 +70,6 @@ impl fmt::Debug for BehaviourSpec {
     }
 }
 
-/// A known behaviour and its state.
 #[derive(Debug, Clone)]
 pub struct BehaviourStatus {
     pub name: String,
@@ -96,16 +83,13 @@ pub struct BehaviourStatus {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BehaviourState {
     Idle,
-    /// Its script is being loaded.
     Loading,
     /// It runs, or waits for the pause before its restart.
     Running {
         /// Its number, which no other running behaviour has.
         by: BehaviourId,
-        /// Since when it runs.
         since: Instant,
     },
-    /// It has been told to end.
     Ending,
 }
 
@@ -128,26 +112,21 @@ impl BehaviourState {
 /// Why a command is refused or has failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
-    /// No behaviour has this name.
     #[error("no behaviour is called `{name}`{near}")]
     Unknown {
         name: String,
         /// A suggestion, such as `; did you mean ...?`.
         near: String,
     },
-    /// The behaviour to start runs already.
     #[error("`{0}` runs already")]
     RunsAlready(String),
-    /// The behaviour to stop does not run.
     #[error("`{0}` does not run")]
     DoesNotRun(String),
     /// Its script cannot be loaded; the message is for its author.
     #[error("{0}")]
     CannotLoad(String),
-    /// It was stopped before it had started.
     #[error("`{0}` was stopped before it had started")]
     StoppedFirst(String),
-    /// The maximum number of behaviours runs already.
     #[error("{0} behaviours run already, which is the maximum")]
     Full(usize),
     /// The parameter does not exist, cannot be changed, or does not allow the value; in words.

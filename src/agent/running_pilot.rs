@@ -33,9 +33,7 @@ const LINK_END: Duration = Duration::from_millis(2800);
 /// What a pilot needs, whoever it serves.
 pub struct PilotPlan {
     pub settings: Settings,
-    /// How to reach the robot.
     pub connector: Connector,
-    /// Starts the hosts of behaviours.
     pub launcher: Launcher,
     /// Runs the pilot and serves the hosts' pipes: the runtime of a [`pilot::DrivingCore`], or in
     /// virtual time the only runtime.
@@ -48,7 +46,6 @@ pub struct PilotPlan {
     pub bus: Bus,
 }
 
-/// A pilot that is not launched yet.
 pub struct PilotSetup {
     pilot: Pilot,
     plan: PilotPlan,
@@ -71,7 +68,6 @@ impl PilotSetup {
         }
     }
 
-    /// The queue for requests to the pilot.
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.requests.0.clone()
     }
@@ -80,7 +76,6 @@ impl PilotSetup {
         self.frames.clone()
     }
 
-    /// The newest status of robot and watchdog.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
     }
@@ -90,7 +85,6 @@ impl PilotSetup {
         self.pilot.reactions()
     }
 
-    /// What behaviours are launched with.
     pub(super) fn host_context(&self) -> HostContext {
         HostContext {
             launcher: self.plan.launcher.clone(),
@@ -151,7 +145,6 @@ pub struct RunningPilot {
 }
 
 impl RunningPilot {
-    /// The present status of robot and watchdog.
     pub fn status(&self) -> Status {
         *self.status.borrow()
     }
@@ -268,13 +261,11 @@ fn is_away(status: &Status) -> bool {
     status.low && !status.docked
 }
 
-/// Its name in the log.
 pub const RESCUE_NAME: &str = "rescue";
 /// Other behaviours are numbered from 0.
 pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
 
 /// The rescue behaviour to launch, with `options` for its VM; `None`: the config has none.
-/// Fails if its file cannot be read.
 pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<Launch>> {
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),

@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 
 use super::model::{Function, Namespace, Object, Type, Value, with_article};
 
-/// A page of the reference.
 #[derive(Debug)]
 pub struct Page {
     /// Its file's name without the extension.
@@ -48,7 +47,6 @@ fn own_objects() -> impl Iterator<Item = &'static Object> {
     super::objects().filter(|object| OWN_PAGES.contains(&object.name))
 }
 
-/// The name of a namespace's page.
 fn page_name(namespace: &Namespace) -> &'static str {
     match namespace.name {
         "" if namespace
@@ -273,7 +271,6 @@ fn events() -> Page {
     page(EVENTS, text)
 }
 
-/// An object and its fields.
 fn description(text: &mut String, object: &Object, level: &str) {
     let _ = writeln!(text, "{level} {}\n\n{}\n", object.name, object.doc);
     for field in object.fields {

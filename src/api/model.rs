@@ -50,7 +50,6 @@ pub enum Requirement {
 /// A constant value, as scripts write it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Literal {
-    /// `true` or `false`.
     Boolean(bool),
     Number(f64),
     /// `{low, high}`.
@@ -60,7 +59,6 @@ pub enum Literal {
 #[derive(Debug, Clone, Copy)]
 pub enum Type {
     Any,
-    /// `true` or `false`.
     Boolean,
     /// A number, within bounds if there are any.
     Number(Option<Bounds>),
@@ -100,7 +98,6 @@ pub struct Choice {
     pub names: fn() -> Vec<&'static str>,
 }
 
-/// A field of a namespace.
 #[derive(Debug, Clone, Copy)]
 pub struct Constant {
     /// The name as scripts write it.
@@ -112,7 +109,6 @@ pub struct Constant {
     pub example: &'static str,
 }
 
-/// A kind of table or object.
 #[derive(Debug, Clone, Copy)]
 pub struct Object {
     pub name: &'static str,
@@ -223,7 +219,6 @@ impl Function {
         )
     }
 
-    /// Its parameters as a declaration has them.
     pub(super) fn declared_parameters(&self) -> String {
         self.parameters_luau("...: any")
     }
@@ -367,7 +362,6 @@ impl Type {
         matches!(self, Type::Function(luau) if luau.ends_with(" boolean") || luau.ends_with(" any"))
     }
 
-    /// The type in Luau's notation.
     pub fn luau(&self) -> String {
         match self {
             Type::Any => "any".to_owned(),
@@ -435,7 +429,6 @@ impl std::fmt::Display for Literal {
     }
 }
 
-/// A number's bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bounds {
     /// From the first number to the second, both included.

@@ -34,7 +34,6 @@ pub fn page(name: &str) -> Option<String> {
     (!pages.is_empty()).then(|| pages.join("\n"))
 }
 
-/// Every name that [`page`] knows.
 pub fn known() -> Vec<String> {
     let mut known: Vec<String> = titles().into_iter().map(str::to_owned).collect();
     let fields = objects().flat_map(|object| {

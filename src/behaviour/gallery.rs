@@ -137,7 +137,7 @@ impl Ring {
         if !self.day.take(length, Instant::now()) {
             let words = format!(
                 "the limit of {} bytes of pictures per day is used up",
-                self.day.per_day()
+                self.day.per_day
             );
             return Err(io::Error::other(words));
         }

@@ -50,7 +50,6 @@ fn over_stdin() -> io::Result<()> {
 
 /// Serves one script over any byte streams. Returns when the script has ended or the agent has
 /// closed the stream.
-/// Fails if the stream breaks or carries an invalid message.
 pub async fn host(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,

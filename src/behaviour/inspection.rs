@@ -22,7 +22,6 @@ const LIMIT: Duration = Duration::from_secs(10);
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Inspected {
     pub diagnostics: Vec<Diagnostic>,
-    /// The modules that the file requires.
     pub required: Vec<Required>,
 }
 
@@ -34,8 +33,6 @@ impl Inspector {
         Inspector(Worker::new(executable, INSPECTION))
     }
 
-    /// Uses the running executable.
-    /// Fails if the path of the executable cannot be determined.
     pub fn of_this_executable() -> io::Result<Inspector> {
         Worker::of_this_executable(INSPECTION).map(Inspector)
     }

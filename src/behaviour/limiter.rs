@@ -47,7 +47,6 @@ impl<T> Admission<T> {
 #[derive(Debug)]
 pub(super) struct HostLimiter {
     behaviour: String,
-    /// Where its pictures are.
     folder: Option<PathBuf>,
     /// Of the bytes of its log.
     log_day: Budget,

@@ -29,7 +29,6 @@ pub struct Launch {
     pub library: Library,
 }
 
-/// From the agent to the host.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum ToHost {
     /// Load this script; answered by `FromHost::Ready` or `FromHost::Ended`.
@@ -137,7 +136,6 @@ impl<M: DeserializeOwned> Receiver<M> {
     }
 
     /// Returns the next message; `None` at the end of the stream. Cancel-safe.
-    /// Fails if the stream breaks or its bytes are not a valid message.
     pub(super) async fn next(&mut self) -> io::Result<Option<M>> {
         let Some(bytes) = self.stream.next().await.transpose()? else {
             return Ok(None);

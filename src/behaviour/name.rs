@@ -5,7 +5,6 @@ use std::path::Path;
 
 use crate::sanitize;
 
-/// Maximum length of a name, in characters.
 pub const MAX_NAME: usize = 64;
 
 /// Why a name is not allowed. The name is displayed in a sanitised form.

@@ -134,7 +134,6 @@ pub enum RestartDecision {
     GivenUp,
 }
 
-/// Counts the restarts of one behaviour.
 #[derive(Debug)]
 pub struct RestartTracker {
     policy: RestartPolicy,

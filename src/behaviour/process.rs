@@ -58,8 +58,6 @@ impl Launcher {
         Launcher { executable: None }
     }
 
-    /// Starts hosts from the running executable.
-    /// Fails if the path of the executable cannot be determined.
     pub fn this_executable() -> io::Result<Launcher> {
         std::env::current_exe().map(Launcher::new)
     }

@@ -40,7 +40,6 @@ pub(super) struct StoreWriter {
     next: Option<Instant>,
     /// Content that is not being written yet, or could not be written.
     unsent: Option<Bytes>,
-    /// The last problem that was reported.
     last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::new`].
     write_at_end: bool,
@@ -73,7 +72,6 @@ impl StoreWriter {
     }
 
     /// Returns the content that an earlier run saved; `None` if there is none.
-    /// Fails if the file exists and cannot be read.
     pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
         match Folder::open(&self.folder) {
             Ok(folder) => Ok(folder.read(NAME, LONGEST)?),
@@ -164,7 +162,7 @@ impl StoreWriter {
             self.slow = Some(true);
             return Some(format!(
                 "the limit of {} bytes per day is used up: from now on the store is saved once per minute",
-                self.day.per_day()
+                self.day.per_day
             ));
         }
         self.collect_result();

@@ -29,7 +29,8 @@ const STALL: Duration = Duration::from_millis(200);
 #[derive(Debug, Clone, Default)]
 pub struct Handle {
     stop: watch::Sender<Option<EndReason>>,
-    started_by: Option<String>,
+    /// Who has started it, if it does not belong to the run from its beginning.
+    pub started_by: Option<String>,
     ended_by: Arc<OnceLock<String>>,
     has_driven: Arc<AtomicBool>,
 }
@@ -41,11 +42,6 @@ impl Handle {
             started_by: Some(by.to_owned()),
             ..Handle::default()
         }
-    }
-
-    /// Who has started it, if it does not belong to the run from its beginning.
-    pub fn started_by(&self) -> Option<String> {
-        self.started_by.clone()
     }
 
     /// Who has told it to end, or what.
@@ -80,7 +76,6 @@ impl Handle {
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
     }
 
-    /// Why it was told to end, if it was.
     pub fn reason(&self) -> Option<EndReason> {
         *self.stop.borrow()
     }
@@ -110,7 +105,6 @@ pub struct Supervisor {
     repl_channel: Option<ReplChannel>,
     is_running: bool,
     liveness: Option<Liveness>,
-    /// Parameter changes by users.
     param_changes: broadcast::Receiver<ParamChange>,
 }
 
@@ -243,12 +237,7 @@ impl Supervisor {
                 }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(exit))) => return Some(exit),
-                    Ok(Some(message)) => {
-                        if matches!(&message, FromHost::Intent(intent) if intent.drives()) {
-                            handle.has_driven.store(true, Ordering::Relaxed);
-                        }
-                        self.handle_message(message).await;
-                    }
+                    Ok(Some(message)) => self.handle_message(message, handle).await,
                     Ok(None) => return None,
                     Err(error) => {
                         debug!("the pipe to a host broke: {error}");
@@ -299,13 +288,19 @@ impl Supervisor {
         }
     }
 
-    async fn handle_message(&mut self, message: FromHost) {
+    async fn handle_message(&mut self, message: FromHost, handle: &Handle) {
         if self.is_running {
             self.reset_liveness();
         }
         let by = self.host.by;
+        let viewers = &self.context.viewers;
         let request = match message {
-            FromHost::Intent(intent) => Request::Intent(by, intent),
+            FromHost::Intent(intent) => {
+                if intent.drives() {
+                    handle.has_driven.store(true, Ordering::Relaxed);
+                }
+                Request::Intent(by, intent)
+            }
             FromHost::Alive => Request::Alive(by),
             FromHost::WantFrame { damaged } => {
                 self.frame_wanted = true;
@@ -317,19 +312,13 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.context.viewers.send(Detections {
+                return viewers.send(Detections {
                     behaviour,
                     frame,
                     list,
                 });
             }
-            FromHost::Params(params) => {
-                return self
-                    .context
-                    .viewers
-                    .params()
-                    .declare(&self.host.name, params);
-            }
+            FromHost::Params(params) => return viewers.params().declare(&self.host.name, params),
             FromHost::Log(line) => return self.write(line),
             FromHost::HostReport(report) => return self.report(report),
             FromHost::Evaluated(evaluated) => {
@@ -484,7 +473,6 @@ impl Liveness {
     }
 }
 
-/// Capacity of the queue of commands to the behaviour.
 const MAX_COMMANDS: usize = 16;
 /// Capacity of the queue to the user; its last slot is reserved for answers.
 const MAX_MESSAGES: usize = 512;

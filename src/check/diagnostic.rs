@@ -17,7 +17,6 @@ pub enum Severity {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Diagnostic {
     pub file: String,
-    /// The line, from 1.
     pub line: u32,
     /// The column, from 1, in characters.
     pub column: u32,
@@ -29,6 +28,11 @@ pub struct Diagnostic {
     /// What to do, if that is not clear from the message.
     pub help: Option<String>,
     pub source: String,
+}
+
+/// The help for a name that was perhaps meant as a text.
+pub(super) fn in_quotes(text: &str) -> String {
+    format!("if this is a text, write it in quotes: \"{text}\"")
 }
 
 #[derive(Clone, Copy)]
@@ -80,7 +84,7 @@ impl Diagnostic {
     pub(crate) fn help(self, help: impl Into<String>) -> Diagnostic {
         let help = help.into();
         Diagnostic {
-            help: (!help.is_empty()).then_some(help),
+            help: Some(help).filter(|help| !help.is_empty()),
             ..self
         }
     }

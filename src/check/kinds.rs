@@ -337,7 +337,7 @@ fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
         "/" => a / b,
         _ => return None,
     };
-    value.is_finite().then_some(value)
+    Some(value).filter(|value| value.is_finite())
 }
 
 pub(super) fn of_type<'a>(kind: Type) -> ValueKind<'a> {

@@ -28,7 +28,6 @@ pub use explain::{explain, explanation};
 use lexer::Span;
 pub use required::{Required, required};
 
-/// The environment in which a script is checked.
 #[derive(Debug, Clone)]
 pub struct CheckContext {
     /// Every path (such as `robot.move`) that exists in a live VM.

@@ -13,7 +13,6 @@ struct ErrorSite<'a> {
     tokens: Vec<Token>,
     line: usize,
     words: &'a str,
-    /// Positions of the line ends.
     ends: Vec<usize>,
 }
 

@@ -6,7 +6,7 @@ mod calls;
 use std::collections::BTreeSet;
 
 use super::CheckContext;
-use super::diagnostic::{Diagnostic, Severity, SourceText};
+use super::diagnostic::{Diagnostic, Severity, SourceText, in_quotes};
 use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
 use super::passing;
@@ -657,7 +657,7 @@ const MEANT: [(&str, &str); 35] = [
 pub(super) fn text_without_quotes(name: &str, behind: &str) -> Option<String> {
     let behind = behind.trim_start_matches(' ');
     let is_whole = behind.starts_with([')', ',', '}', '\n']);
-    is_whole.then(|| format!("if this is a text, write it in quotes: \"{name}\""))
+    is_whole.then(|| in_quotes(name))
 }
 
 pub(super) fn meant(name: &str) -> Option<String> {

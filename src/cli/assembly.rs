@@ -71,7 +71,6 @@ pub(super) struct RunRobot {
     pub(super) target: String,
     pub(super) sim: Option<SimulatedRobot>,
     pub(super) emergency_stop: EmergencyStop,
-    /// Ends the run.
     pub(super) stop: CancellationToken,
 }
 

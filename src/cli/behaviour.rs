@@ -7,7 +7,7 @@ use clap::Subcommand;
 use super::running::{RemoteArgs, ask, find_run_of_target, order, unexpected_reply};
 use super::runs::next_start;
 use super::settings::CommandSettings;
-use super::table::aligned;
+use super::table::{aligned, or_dash};
 use super::{Exit, Failure, print, print_json};
 use crate::agent::Change;
 use crate::clock::{self, Span};
@@ -157,14 +157,11 @@ fn list(json: bool, only_names: bool, run: &Client) -> Result<Exit, Failure> {
 
 impl WhichArgs {
     fn client(&self, settings: &CommandSettings) -> Result<Client, Failure> {
-        let found = find_run_of_target(settings, self.robot.as_ref(), &self.remote)?;
+        let found = find_run_of_target(settings, self.robot.as_ref(), &self.remote, true)?;
         let data = settings.config()?.data_folder().display();
         found.ok_or_else(|| {
-            Failure::new(
-                Exit::Unreachable,
-                format_args!("no run is active in {data}"),
-            )
-            .help("`spykee run` and `spykee serve` start one; `spykee status` lists them")
+            Failure::unreachable(format_args!("no run is active in {data}"))
+                .help("`spykee run` and `spykee serve` start one; `spykee status` lists them")
         })
     }
 }
@@ -177,17 +174,13 @@ fn is_plain(name: &str) -> bool {
 }
 
 fn row(one: &BehaviourListing) -> Vec<String> {
+    let running = one.running.map(Duration::from_secs);
+    let exit = one.exit.as_ref();
     vec![
         one.name.clone(),
         one.state.clone(),
-        one.running.map_or_else(
-            || "-".to_owned(),
-            |seconds| clock::hours(Duration::from_secs(seconds)),
-        ),
+        or_dash(running.map(clock::hours)),
         one.priority.0.to_string(),
-        one.exit.as_ref().map_or_else(
-            || "-".to_owned(),
-            |exit| format!("{}: {}", exit.reason, exit.text),
-        ),
+        or_dash(exit.map(|exit| format!("{}: {}", exit.reason, exit.text))),
     ]
 }

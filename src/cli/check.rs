@@ -54,7 +54,6 @@ pub(super) fn run(args: &CheckArgs, settings: &CommandSettings) -> Result<Exit, 
     })
 }
 
-/// Reads a script and its options from the config.
 fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Launch, Failure> {
     let source = read_source(file)?;
     let is_this = |entry: &&Entry| same_file(&entry.file, file);
@@ -100,14 +99,13 @@ pub(super) fn before_run<'a>(
     for behaviour in behaviours {
         checker.behaviour(&behaviour.launch).map_err(cannot_check)?;
     }
-    let (errors, warnings): (Vec<_>, Vec<_>) = checker
-        .diagnostics
-        .into_iter()
-        .partition(|diagnostic| diagnostic.severity == Severity::Error);
-    for warning in warnings {
-        console.write_line("WARN", &warning.to_string());
+    let mut texts = Vec::new();
+    for one in &checker.diagnostics {
+        match one.severity {
+            Severity::Error => texts.push(one.text()),
+            Severity::Warning => console.write_line("WARN", &one.to_string()),
+        }
     }
-    let texts: Vec<_> = errors.iter().map(Diagnostic::text).collect();
     if texts.is_empty() {
         Ok(())
     } else {
@@ -172,38 +170,29 @@ fn report(diagnostics: &[Diagnostic], files: usize) -> String {
         };
         text += "\n\n";
     }
-    let errors = diagnostics
-        .iter()
-        .filter(|one| one.severity == Severity::Error)
-        .count();
-    let warnings = diagnostics.len() - errors;
-    text += &match (errors, warnings) {
+    let is_error = |one: &&Diagnostic| one.severity == Severity::Error;
+    let count = diagnostics.iter().filter(is_error).count();
+    let errors = plural(count, "error");
+    let warnings = plural(diagnostics.len() - count, "warning");
+    text += &match (count, diagnostics.len() - count) {
         _ if files == 0 => "no script found: no file there ends in .lua\n".to_owned(),
         (0, 0) => format!("{}: no problems found\n", plural(files, "script")),
-        (_, 0) => format!("{}\n", plural(errors, "error")),
-        (0, _) => format!("{}\n", plural(warnings, "warning")),
-        _ => format!(
-            "{}, {}\n",
-            plural(errors, "error"),
-            plural(warnings, "warning")
-        ),
+        (_, 0) => format!("{errors}\n"),
+        (0, _) => format!("{warnings}\n"),
+        _ => format!("{errors}, {warnings}\n"),
     };
     text
 }
 
 fn coloured(diagnostic: &Diagnostic) -> String {
-    let colour = match diagnostic.severity {
-        Severity::Error => "\x1b[1;31m",
-        Severity::Warning => "\x1b[1;33m",
+    let (colour, word) = match diagnostic.severity {
+        Severity::Error => ("\x1b[1;31m", "error:"),
+        Severity::Warning => ("\x1b[1;33m", "warning:"),
     };
     let text = diagnostic.to_string();
     let text = sanitize::text(&text, false);
     let carets = diagnostic.carets();
     let marked = carets.replacen('^', &format!("{colour}^"), 1) + "\x1b[0m";
-    let word = match diagnostic.severity {
-        Severity::Error => "error:",
-        Severity::Warning => "warning:",
-    };
     let text = text.replacen(word, &format!("{colour}{word}\x1b[0m"), 1);
     match text.rfind(&format!("| {carets}")) {
         Some(at) => format!(

@@ -82,7 +82,6 @@ pub(super) fn read_picture(path: &Path) -> Result<Vec<u8>, Failure> {
         .map_err(|error| Failure::unreadable_file("the picture", path, error))
 }
 
-/// The failure for a file that is not a usable picture.
 pub(super) fn unusable_picture(path: &Path, error: &FrameError) -> Failure {
     let failure = Failure::usage(format_args!("cannot use {}: {error}", path.display()));
     match error {

@@ -141,7 +141,6 @@ impl ChosenRobot {
         Err(Failure::usage(why).help("--sim [WORLD] runs on a simulated robot"))
     }
 
-    /// The world of a simulated robot, for `--fast`.
     pub(super) fn into_world(self) -> Result<World, Failure> {
         self.refuse_if_real(true, "--fast needs --sim: a real robot runs in real time")?;
         match self {
@@ -192,9 +191,6 @@ impl RobotTarget {
     }
 
     /// How to drive the robot on this core, with a guardian that uses these files.
-    ///
-    /// # Errors
-    /// The guardian cannot be started; the rescue behaviour of the config cannot be read.
     pub(super) fn pilot_plan(
         &self,
         core: &DrivingCore,
@@ -213,10 +209,8 @@ impl RobotTarget {
         })
     }
 
-    /// The same for a tool, on a core of its own, which must outlive the pilot.
-    ///
-    /// # Errors
-    /// Also if a person's STOP holds.
+    /// The same for a tool, on a core of its own, which must outlive the pilot. Refused while a
+    /// person's STOP holds.
     pub(super) fn driver_plan(&self, seed: u64) -> Result<(DrivingCore, PilotPlan), Failure> {
         refuse_if_stopped(&self.config, self.sim.is_some())?;
         let core = driving_core()?;

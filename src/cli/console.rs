@@ -255,7 +255,7 @@ impl<W: Write> ConsoleWriter<W> {
         if let Some(before) = self.drop_notices.record((), now) {
             let words = format!(
                 "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
-                self.day.per_day()
+                self.day.per_day
             );
             self.put_record(&log_line(self.format, "WARN", &words));
         }

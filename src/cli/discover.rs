@@ -37,10 +37,7 @@ pub(super) fn run(args: &DiscoverArgs) -> Result<Exit, Failure> {
         }
     })?;
     let found = found.map_err(|error| {
-        Failure::new(
-            Exit::Unreachable,
-            format_args!("cannot search the network: {error}"),
-        )
+        Failure::unreachable(format_args!("cannot search the network: {error}"))
     })?;
     if args.json {
         print_json(&found)?;
@@ -48,7 +45,7 @@ pub(super) fn run(args: &DiscoverArgs) -> Result<Exit, Failure> {
         print(&table(&found))?;
     }
     if found.is_empty() {
-        return Err(Failure::new(Exit::Unreachable, NO_ANSWER).help(NO_ANSWER_HELP));
+        return Err(Failure::unreachable(NO_ANSWER).help(NO_ANSWER_HELP));
     }
     Ok(Exit::Done)
 }

@@ -26,9 +26,6 @@ pub(super) struct Driver {
 }
 
 /// Lets `job` drive this robot: see [`drive`].
-///
-/// # Errors
-/// A person's STOP holds, the robot cannot be reached, or the job fails.
 pub(super) fn drive_target(
     target: &RobotTarget,
     seed: u64,
@@ -142,7 +139,7 @@ impl Driver {
 fn failed(error: AgentError) -> Failure {
     match error {
         AgentError::Link(error) => error.into(),
-        error @ AgentError::Broken(_) => Failure::new(Exit::Unreachable, error),
+        error @ AgentError::Broken(_) => Failure::unreachable(error),
     }
 }
 

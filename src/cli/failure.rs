@@ -59,6 +59,11 @@ impl Failure {
         Failure::new(Exit::Usage, what)
     }
 
+    /// A robot, a run, a service or a broker that cannot be reached.
+    pub fn unreachable(what: impl Display) -> Failure {
+        Failure::new(Exit::Unreachable, what)
+    }
+
     /// An input file or folder that cannot be read.
     pub fn unreadable(path: &Path, error: impl Display) -> Failure {
         Failure::usage(format_args!("cannot read {}: {error}", path.display()))
@@ -108,6 +113,6 @@ impl Failure {
 
 impl From<LinkError> for Failure {
     fn from(error: LinkError) -> Failure {
-        Failure::new(Exit::Unreachable, &error).help(error.help())
+        Failure::unreachable(&error).help(error.help())
     }
 }

@@ -205,7 +205,6 @@ struct EventFile {
 }
 
 impl EventFile {
-    /// Creates the file, or empties it.
     fn create(path: &Path) -> Result<EventFile, Failure> {
         let shown = path.display().to_string();
         let file = File::create(path)
@@ -214,7 +213,6 @@ impl EventFile {
         Ok(EventFile { shown, file })
     }
 
-    /// A recorder that writes events to the file.
     fn recorder(&self) -> Recorder {
         let file = self.file.clone();
         Recorder::new(move |event| {

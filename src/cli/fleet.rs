@@ -9,7 +9,7 @@ use clap::Subcommand;
 use serde_json::Value;
 
 use super::settings::CommandSettings;
-use super::table::aligned;
+use super::table::{aligned, or_dash};
 use super::token::address_for_others;
 use super::{Exit, Failure, block_on, print, print_json, secret};
 use crate::config::Effective;
@@ -22,7 +22,6 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
 const LONGEST_CERTIFICATES: u64 = 1 << 20;
 /// Time limit for sending the last words to the broker.
 pub(super) const BROKER_END: Duration = Duration::from_secs(2);
-/// The name for all robots that are online.
 const ALL: &str = "all";
 
 const HEAD: &str = "ROBOT|CONNECTION|STATE|>BATTERY|RUNNING|PROBLEM";
@@ -85,7 +84,7 @@ async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
 }
 
 fn unreachable(error: String) -> Failure {
-    Failure::new(Exit::Unreachable, error)
+    Failure::unreachable(error)
         .help("is `mqtt` in `spykee config show --origin` right, and is the broker running?")
 }
 
@@ -109,7 +108,7 @@ fn row(found: &Found) -> Vec<String> {
         let running = found.state["running"].as_array();
         let names = running.into_iter().flatten().filter_map(Value::as_str);
         row.push(text("state"));
-        row.push(battery.map_or_else(|| "-".to_owned(), |percent| format!("{percent} %")));
+        row.push(or_dash(battery.map(|percent| format!("{percent} %"))));
         row.push(names.collect::<Vec<_>>().join(" "));
         row.push(found.state["reason"].as_str().unwrap_or("").to_owned());
     }
@@ -153,10 +152,8 @@ async fn send_command(fleet: &mut Fleet, command: &str, named: &[String]) -> Res
 fn choose(fleet: &Fleet, named: &[String]) -> Result<Vec<(String, Presence)>, Failure> {
     let all = named.iter().any(|name| name == ALL);
     let names: BTreeSet<&str> = named.iter().map(String::as_str).collect();
-    let unknown = names
-        .iter()
-        .find(|name| **name != ALL && fleet.found().all(|found| found.robot != **name));
-    if let Some(unknown) = unknown {
+    let is_known = |name: &str| name == ALL || fleet.found().any(|found| found.robot == name);
+    if let Some(unknown) = names.iter().find(|name| !is_known(name)) {
         let failure = Failure::usage(format_args!("no robot {unknown} at this broker"));
         return Err(failure.help("`spykee fleet list` lists the robots"));
     }
@@ -169,10 +166,8 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Vec<(String, Presence)>, Fa
         .map(|found| (found.robot.clone(), found.presence))
         .collect();
     if chosen.is_empty() {
-        return Err(
-            Failure::new(Exit::Unreachable, "no robot is online at this broker")
-                .help("a run appears there if its config names the same broker"),
-        );
+        return Err(Failure::unreachable("no robot is online at this broker")
+            .help("a run appears there if its config names the same broker"));
     }
     Ok(chosen)
 }

@@ -137,16 +137,13 @@ pub(super) fn run(args: &HistoryArgs, settings: &CommandSettings) -> Result<Exit
     let config = settings.config()?;
     let zone = config.zone().time_zone().clone();
     let now = Timestamp::now();
-    let resolve = |moment: &Option<Moment>| {
-        let moment = moment.as_ref().map(|moment| moment.resolve(now, &zone));
-        let no_such_time = |error| format!("there is no such time: {error}");
-        moment
-            .transpose()
-            .map_err(|error| Failure::usage(no_such_time(error)))
+    let resolve = |moment: Moment| {
+        let resolved = moment.resolve(now, &zone);
+        resolved.map_err(|error| Failure::usage(format!("there is no such time: {error}")))
     };
     let span = journal::Span {
-        since: resolve(&args.since)?,
-        until: resolve(&args.until)?,
+        since: args.since.map(resolve).transpose()?,
+        until: args.until.map(resolve).transpose()?,
         robot: args.robot.clone(),
         newest: None,
     };
@@ -169,8 +166,7 @@ fn list(
     mut span: journal::Span,
     zone: &TimeZone,
 ) -> Result<Exit, Failure> {
-    let limited = span.since.is_some();
-    if !limited {
+    if span.since.is_none() {
         span.newest = Some(DEFAULT_LIMIT);
     }
     let records = match args.topic {
@@ -178,7 +174,7 @@ fn list(
         topic => history.records(topic.kinds(), &span),
     };
     let records = records.map_err(|error| Failure::io("read the journal", error))?;
-    if !limited && records.len() == DEFAULT_LIMIT as usize {
+    if span.since.is_none() && records.len() == DEFAULT_LIMIT as usize {
         tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
@@ -316,7 +312,6 @@ fn message_and_who(one: &Record) -> String {
     }
 }
 
-/// Who asked for a docking.
 fn asked_by(one: &Record) -> &str {
     match one.text("by") {
         "" => "watchdog",
@@ -341,15 +336,12 @@ fn describe(one: &Record) -> String {
         "safety" => format!("{}: {}", text("action"), text("reason")),
         "dock" => {
             let by = asked_by(one);
-            let tries = match whole("attempts") {
-                1.0 => "1 try".to_owned(),
-                tries => format!("{tries} tries"),
-            };
-            format!(
-                "{}, {tries}, {:.0} s, for {by}",
-                text("end"),
-                whole("seconds")
-            )
+            let end = text("end");
+            let seconds = whole("seconds");
+            match whole("attempts") {
+                1.0 => format!("{end}, 1 try, {seconds:.0} s, for {by}"),
+                tries => format!("{end}, {tries} tries, {seconds:.0} s, for {by}"),
+            }
         }
         "undock" => format!("{}, for {}", text("end"), text("by")),
         "started" => match text("by") {

@@ -122,7 +122,6 @@ const STABLE_CHECKS: u32 = 3;
 const MAX_CHECKS: u32 = 20;
 const CHECK_PAUSE: Duration = Duration::from_millis(10);
 
-/// The settings of standard input, if it is a terminal.
 #[derive(Clone)]
 pub(super) struct Terminal(Option<Termios>);
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::new::create_project;
-use super::table::aligned;
+use super::table::{aligned, or_dash};
 use super::{Console, Exit, Failure, print};
 use crate::class::Lesson as ClassLesson;
 use crate::sanitize;
@@ -60,7 +60,6 @@ fn list() -> Result<Exit, Failure> {
     ))
 }
 
-/// The lessons for a class in the browser.
 pub(super) fn of_class() -> Vec<ClassLesson> {
     let lesson = |lesson: &'static Lesson| ClassLesson {
         name: lesson.folder,
@@ -85,7 +84,6 @@ pub(super) fn judge(lesson: &str, file: &Path, console: &Console) -> Result<Valu
     }))
 }
 
-/// The names of the lessons, for shells to complete.
 pub(super) fn lesson_names() -> impl Iterator<Item = &'static str> {
     Lesson::all().iter().map(Lesson::name)
 }

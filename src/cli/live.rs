@@ -44,7 +44,6 @@ pub(super) fn serve(
     Ok(live)
 }
 
-/// A behaviour's script as the page shows it.
 pub(super) fn script(behaviour: &Behaviour) -> Script {
     let options = &behaviour.launch.options;
     let params = options.params.iter();

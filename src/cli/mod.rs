@@ -402,7 +402,6 @@ fn print(text: &str) -> Result<Exit, Failure> {
     print_coloured(text, false)
 }
 
-/// Prints a value as JSON on a line.
 fn print_json(value: &impl Serialize) -> Result<Exit, Failure> {
     let text = serde_json::to_string(value).map_err(Failure::internal)?;
     print(&format!("{text}\n"))

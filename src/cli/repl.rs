@@ -28,7 +28,6 @@ use editor::{EditorCommand, Typed};
 
 /// Name of the session in logs, and of its data folder.
 const NAME: &str = "repl";
-/// The answer to `help`.
 const HELP: &str = "type Lua, such as robot.move(30, 30, 2); `spykee api` in another terminal lists all \
                     calls, `spykee api NAME` explains one";
 /// If the terminal takes longer than this to show a prompt, the tracks are stopped.
@@ -143,7 +142,6 @@ async fn run_session(
     }
 }
 
-/// Starts the prompt on its own thread.
 fn start_editor(
     console: &Console,
 ) -> Result<(mpsc::Sender<EditorCommand>, mpsc::Receiver<Typed>), Failure> {

@@ -105,8 +105,8 @@ pub(super) fn run(
     settings: &CommandSettings,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let misplaced = args.connection.take_misplaced_behaviour();
-    args.files.extend(misplaced);
+    args.files
+        .extend(args.connection.take_misplaced_behaviour());
     let mut config = settings.config()?.clone();
     if let Some(address) = args.live {
         config.live.listen = Some(address.unwrap_or(config.live.address()));
@@ -117,17 +117,15 @@ pub(super) fn run(
     let loaded = load(&args, settings, &config, seed, console)?;
     let robot = robot.ok_or_else(no_robot)?;
     refuse_flags_of_simulations(&args, &robot)?;
-    let login = args.connection.login.login(settings.load()?)?;
-    announce_seed(seed, console);
     let sim_options = sim::Options {
-        login,
+        login: args.connection.login.login(settings.load()?)?,
         seed,
         firmware: args.firmware.load()?,
         // A page lets people start faults.
         faults: args.live.map(|_| Vec::new()),
         ..sim::Options::default()
     };
-    let watches = loaded.watches;
+    announce_seed(seed, console);
     let setup = RunSetup {
         config,
         sim_options,
@@ -144,7 +142,7 @@ pub(super) fn run(
         is_service: false,
     };
     setup.run(robot, settings.load()?, console, async move |started| {
-        for (watched, reloads) in watches {
+        for (watched, reloads) in loaded.watches {
             tokio::spawn(watched.run(reloads));
         }
         // A run has no timetable: who wants to change it is told so.
@@ -177,7 +175,6 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-/// What the page shows of the behaviours.
 fn definition(behaviours: &[Behaviour]) -> watch::Receiver<RunDefinition> {
     let scripts = behaviours.iter().map(live::script).collect();
     let timetable = None;

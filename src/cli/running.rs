@@ -71,7 +71,7 @@ fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
         }
         _ => "is the service running there, with `live: { listen: IP:PORT }` in its config?",
     };
-    Failure::new(Exit::Unreachable, format_args!("{url}: {error}")).help(help)
+    Failure::unreachable(format_args!("{url}: {error}")).help(help)
 }
 
 /// The robot, and how to reach it: directly, or through a run or service that uses it.
@@ -93,9 +93,6 @@ impl SharedTargetArgs {
 
     /// The service on another computer that the command line or the config names. `None` with
     /// `--sim` or a robot.
-    ///
-    /// # Errors Flags that cannot be combined; a config that cannot be used; a service that cannot
-    /// be reached.
     pub(super) fn find_service(
         &self,
         settings: &CommandSettings,
@@ -120,7 +117,7 @@ pub(super) fn refuse_if_in_use(
         run.status.target,
         run.name()
     );
-    let failure = Failure::new(Exit::Unreachable, what);
+    let failure = Failure::unreachable(what);
     Err(failure.help(
         "end it first: Ctrl-C in its terminal, or `systemctl stop spykee` for a service of systemd",
     ))
@@ -133,7 +130,7 @@ fn find_run(
 ) -> Result<Option<Client>, Failure> {
     match connection.sim {
         Some(_) => remote.refuse_with("--sim").map(|()| None),
-        None => find_run_of_target(settings, connection.robot.as_ref(), remote),
+        None => find_run_of_target(settings, connection.robot.as_ref(), remote, false),
     }
 }
 
@@ -149,11 +146,13 @@ fn service_of(
 }
 
 /// The run that uses this robot; without one, the service that the command line or the config
-/// names, the run that uses the config's robot, or else the only run.
+/// names, the run that uses the config's robot, or else the only run: that of a simulated robot only
+/// if the command is for `any` robot.
 pub(super) fn find_run_of_target(
     settings: &CommandSettings,
     robot: Option<&Target>,
     remote: &RemoteArgs,
+    any: bool,
 ) -> Result<Option<Client>, Failure> {
     if let Some(service) = service_of(settings, robot, remote)? {
         return Ok(Some(service));
@@ -163,8 +162,11 @@ pub(super) fn find_run_of_target(
     if silent > 0 {
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
-    if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| uses_robot(&run.status, target));
+    let is_meant = |run: &Client, target| uses_robot(&run.status, target);
+    let own = config.robot.as_ref();
+    let own = own.filter(|own| !any || runs.iter().any(|run| is_meant(run, own)));
+    if let Some(target) = robot.or(own) {
+        runs.retain(|run| is_meant(run, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.status.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
@@ -192,13 +194,13 @@ pub(super) fn ask(
     let name = run.name();
     let answer = block_on(unless_interrupted(run.ask(request, limit)))??;
     let answer = answer.ok_or_else(Failure::interrupted)?.map_err(|error| {
-        Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
+        Failure::unreachable(format_args!("{error} ({name})"))
             .help("`spykee status` lists the active runs")
     })?;
     match answer {
         RunResponse::Offline => {
             let what = format!("the run ({name}) has lost the robot and is reconnecting");
-            let failure = Failure::new(Exit::Unreachable, what);
+            let failure = Failure::unreachable(what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
         RunResponse::Refused { error: why } => {
@@ -224,6 +226,6 @@ pub(super) fn order(run: &Client, request: &RunRequest, limit: Duration) -> Resu
 /// The failure for a reply that does not match the request, which only a run of another version
 /// sends.
 pub(super) fn unexpected_reply() -> Failure {
-    Failure::new(Exit::Unreachable, "the run sent an unexpected reply")
+    Failure::unreachable("the run sent an unexpected reply")
         .help("was it started by another version of this program?")
 }

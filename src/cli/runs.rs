@@ -6,7 +6,7 @@ use super::running::RemoteArgs;
 use super::settings::CommandSettings;
 use super::startup::warn_of_unpaid_stop;
 use super::status::charge;
-use super::table::aligned;
+use super::table::{aligned, or_dash};
 use super::{Exit, Failure, block_on, print, print_json};
 use crate::clock::{self, Zone};
 use crate::control::{self, RunStatus};
@@ -67,16 +67,14 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
         }
         _ => String::new(),
     };
-    let battery = run.battery.map_or_else(|| "-".to_owned(), describe);
+    let battery = or_dash(run.battery.map(describe));
+    let delay = run.delays.map(|delays| delays.robot + delays.network);
     vec![
         format!("{}{simulated}", run.target),
         run.state.clone(),
         format!("{battery}{age}"),
         format!("{}{age}", run.place),
-        run.delays.map_or_else(
-            || "-".to_owned(),
-            |delays| format!("{:.2} s", delays.robot + delays.network),
-        ),
+        or_dash(delay.map(|seconds| format!("{seconds:.2} s"))),
         clock::hours(Duration::from_secs(run.running)),
         run.process.to_string(),
         next_start(run, zone),
@@ -86,18 +84,12 @@ fn row(run: &RunStatus, zone: &Zone) -> Vec<String> {
 
 /// The timetable's next start, and until when it is paused.
 pub(super) fn next_start(run: &RunStatus, zone: &Zone) -> String {
-    let next = run.next.as_ref().map(|next| next.describe(zone));
-    let next = next.unwrap_or_else(|| "-".to_owned());
-    match run.paused {
-        Some(until) => format!(
-            "{next} (paused until {})",
-            clock::describe(&zone.time(until))
-        ),
-        None => next,
-    }
+    let next = or_dash(run.next.as_ref().map(|next| next.describe(zone)));
+    let Some(until) = run.paused else { return next };
+    let until = clock::describe(&zone.time(until));
+    format!("{next} (paused until {until})")
 }
 
-/// Describes the battery, for people.
 pub(super) fn describe(battery: Battery) -> String {
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         let plural = if minutes.round() == 1.0 { "" } else { "s" };

@@ -103,11 +103,15 @@ fn credential(name: &str) -> Option<PathBuf> {
 
 /// The password from systemd: the credential `password` of a service's unit, if any.
 pub(super) fn from_credential() -> Result<Option<String>, Failure> {
-    let Some(path) = credential(PASSWORD_CREDENTIAL) else {
-        return Ok(None);
-    };
-    let text = files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
-    first_line(&path, text).map(Some)
+    credential(PASSWORD_CREDENTIAL)
+        .map(|path| from_file(&path))
+        .transpose()
+}
+
+/// The first line of a short regular file.
+fn from_file(path: &Path) -> Result<String, Failure> {
+    let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
+    first_line(path, text)
 }
 
 /// The first line of a file that the command line or the environment names. It may also be a pipe,
@@ -136,12 +140,10 @@ pub(super) fn from_optional_file(
         return from_found_file(path, config).map(Some);
     }
     if let Some(copy) = credential(&credential_name(path)) {
-        let text = files::read(&copy, MAX_FILE_LEN).map_err(|error| unreadable(&copy, &error))?;
-        return first_line(&copy, text).map(Some);
+        return from_file(&copy).map(Some);
     }
     warn_if_shared(path);
-    let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
-    first_line(path, text).map(Some)
+    from_file(path).map(Some)
 }
 
 /// The first line of a file named by a config that was found in the current folder, not named: such

@@ -51,7 +51,6 @@ pub(super) struct UnitArgs {
     program: Option<PathBuf>,
 }
 
-/// Prints or writes the unit.
 pub(super) fn run(action: &Action) -> Result<Exit, Failure> {
     match action {
         Action::Print(unit) => print(&unit.text()?),

@@ -15,7 +15,6 @@ const BEGINNING: &str = "# All settings\n\n\
     `behaviours[].file` is the `file` of each entry of the list `behaviours`; NAME stands for a \
     name of your choice.\n\n";
 
-/// A setting.
 struct Row {
     key: String,
     kind: String,
@@ -101,7 +100,6 @@ impl Schema {
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     }
 
-    /// Adds the rows of a setting: one, or those of its keys.
     fn collect(&self, key: &str, property: &Json, default: &Json, rows: &mut Vec<Row>) {
         let value = self.resolve(property);
         let parts = [

@@ -122,7 +122,6 @@ pub(super) fn warn_of_unpaid_stop(config: &Config) {
     }
 }
 
-/// The rescue behaviour that the config selects.
 pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
     let choice = &config.watchdog.rescue;
     let options = config.script(RESCUE_NAME, choice.to_string(), seed);

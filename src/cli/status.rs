@@ -8,6 +8,7 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::Console;
+use super::table::or_dash;
 use crate::clock::every;
 use crate::control;
 use crate::live::FrameRate;
@@ -41,7 +42,7 @@ impl StatusLine {
     }
 
     fn draw(&mut self, status: &Status) -> String {
-        let battery = status.battery.map_or_else(|| "-".to_owned(), charge);
+        let battery = or_dash(status.battery.map(charge));
         let mut parts = vec![state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
             let state = sim.state();
@@ -84,7 +85,6 @@ fn state(status: &Status) -> String {
     }
 }
 
-/// The simulated robot's lights that are on, if any.
 fn lights(state: &State) -> Option<String> {
     let leds = [
         ("flash", state.leds.flash),

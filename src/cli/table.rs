@@ -2,6 +2,11 @@
 
 use crate::sanitize;
 
+/// The text of a cell, or a dash if there is none.
+pub(super) fn or_dash(cell: Option<impl ToString>) -> String {
+    cell.map_or_else(|| "-".to_owned(), |cell| cell.to_string())
+}
+
 /// Formats rows below a head such as `FILE|>PIXELS`, in which `>` marks a column of numbers,
 /// aligned to the right. Columns are as wide as their widest cell, two spaces apart. A row may have
 /// fewer cells.

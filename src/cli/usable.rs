@@ -88,7 +88,7 @@ pub(super) fn check_service(
         if let Err(failure) = checked {
             let text = format!("`{}` cannot start: {}", spec.name(), failure.what);
             console.write_line("WARN", &text);
-            spec.set_problem(failure.what.lines().next().unwrap_or_default().to_owned());
+            spec.problem = failure.what.lines().next().map(str::to_owned);
         }
     }
     if scripts {

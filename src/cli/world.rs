@@ -38,7 +38,6 @@ pub(super) enum WorldAction {
     },
 }
 
-/// Shows, lists or checks worlds.
 pub(super) fn run(action: &WorldAction) -> Result<Exit, Failure> {
     match action {
         WorldAction::Show {
@@ -97,7 +96,6 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     })
 }
 
-/// Writes a picture.
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)

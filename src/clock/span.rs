@@ -30,7 +30,6 @@ impl Span {
         Span(minutes * 60_000)
     }
 
-    /// The maximum: a year.
     pub const MAX: Span = Span(LONGEST);
 
     /// Rounds to milliseconds; `None` for NaN, a negative number, and more than a year.

@@ -26,13 +26,11 @@ use crate::{guardian, http, sanitize};
 pub(super) const MAX_ANSWER: usize = 4 << 20;
 /// Maximum length of a refusal that is shown, in characters.
 const SHOWN: usize = 300;
-/// How every JPEG begins.
 const JPEG: &[u8] = &[0xff, 0xd8];
 /// Timeout for a run's reply to [`RunRequest::Status`].
 const STATUS_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long a run may take to show that it does not hang.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(1);
-/// Timeout for a guardian's answer.
 const GUARDIAN_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout for a run's reply to [`RunRequest::Stop`], which waits for the robot.
 const STOP_TIMEOUT: Duration = Duration::from_secs(4);
@@ -75,22 +73,17 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     (clients, silent)
 }
 
-/// How a run answered a STOP.
 #[derive(Debug)]
 pub struct StoppedRun {
     pub pid: u32,
     /// Its state just before; `None` if it hangs.
     pub status: Option<RunStatus>,
-    /// Its answer, or that of its guardian.
     pub answer: StopAnswer,
 }
 
-/// Who answered a STOP for a run.
 #[derive(Debug)]
 pub enum StopAnswer {
-    /// The run.
     Run {
-        /// What is known of it.
         outcome: StopOutcome,
         /// Whether the run ends now; a service goes on.
         ends: bool,
@@ -154,7 +147,6 @@ async fn stop_run(
 }
 
 impl Client {
-    /// Connects to the run that this service hosts.
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
         match ask_web(remote.clone(), &RunRequest::Status, CONNECT_TIMEOUT).await? {
             RunResponse::Status(status) => Ok(Client {
@@ -170,7 +162,7 @@ impl Client {
     pub fn name(&self) -> String {
         match &self.transport {
             Transport::Socket(_) => format!("process {}", self.status.process),
-            Transport::Web(remote) => remote.url().to_string(),
+            Transport::Web(remote) => remote.url.to_string(),
         }
     }
 
@@ -228,7 +220,6 @@ async fn ask_socket(stream: UnixStream, request: &RunRequest) -> Result<RunRespo
     parse_answer(status, body.into())
 }
 
-/// The answer in an HTTP response.
 pub(super) fn parse_answer(status: StatusCode, body: Vec<u8>) -> Result<RunResponse, AskError> {
     if status == StatusCode::OK && body.starts_with(JPEG) {
         return Ok(RunResponse::Picture { jpeg: body });
@@ -252,7 +243,6 @@ pub(super) fn parse_answer(status: StatusCode, body: Vec<u8>) -> Result<RunRespo
 /// Why a run did not answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AskError {
-    /// No answer in time.
     #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
     TimedOut(Duration),
     #[error("the run has ended")]
@@ -260,13 +250,10 @@ pub enum AskError {
     /// An error of the system, or a reply that is not HTTP.
     #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
-    /// The token is not valid in a header field.
     #[error("the token contains characters that are not allowed in a token")]
     Token,
-    /// A service on another computer denies access.
     #[error("the service denies access: {0}")]
     Denied(String),
-    /// A service on another computer replies with an unexpected HTTP status.
     #[error("the service replies with the HTTP status {0}: is it a different version?")]
     UnexpectedStatus(u16),
 }
@@ -285,12 +272,11 @@ impl From<hyper::Error> for AskError {
 /// The address of a service, and the token for access to it.
 #[derive(Debug, Clone)]
 pub struct Remote {
-    url: ServiceUrl,
+    pub url: ServiceUrl,
     token: Option<HeaderValue>,
 }
 
 impl Remote {
-    /// A service at this address, with this token.
     pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, AskError> {
         let token = token.map(|token| {
             let field = HeaderValue::from_str(&format!("Bearer {token}"));
@@ -301,10 +287,6 @@ impl Remote {
         });
         let token = token.transpose().map_err(|_| AskError::Token)?;
         Ok(Remote { url, token })
-    }
-
-    pub fn url(&self) -> &ServiceUrl {
-        &self.url
     }
 
     /// Sends one request and waits for the answer at most this long. Blocks the calling thread.

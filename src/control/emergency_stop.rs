@@ -230,7 +230,6 @@ fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
-/// The file, owned by the thread.
 struct StopFile {
     data: PathBuf,
     wanted: watch::Receiver<bool>,

@@ -18,7 +18,6 @@ const NAME: &str = ".run";
 const SUFFIX: &str = ".sock";
 /// The same of the socket of a run's guardian.
 const GUARDIAN_SUFFIX: &str = ".guardian";
-/// Access for the user only.
 const PRIVATE: u32 = 0o700;
 /// Maximum number of runs per data folder that are considered.
 const MAX_RUNS: usize = 32;
@@ -62,7 +61,6 @@ impl Folder {
         Ok(Folder { path, open, new })
     }
 
-    /// Creates the socket of this process.
     fn bind(&self) -> io::Result<ControlServer> {
         let name = name_of(std::process::id());
         self.sweep();
@@ -92,8 +90,6 @@ impl Folder {
         streams
     }
 
-    /// Connects to the run with this process ID.
-    /// Fails if it no longer listens.
     pub(super) fn connect_to(&self, pid: u32) -> io::Result<UnixStream> {
         self.connect(&name_of(pid))
     }
@@ -145,7 +141,6 @@ impl ControlServer {
     }
 
     /// Serves programs of the same user; returns only on an error.
-    /// Fails if the socket cannot be served at all.
     pub async fn serve(self, run: Run) -> io::Result<()> {
         let listener = tokio::net::UnixListener::from_std(self.listener.try_clone()?)?;
         http::serve_private(listener, routes(run)).await;

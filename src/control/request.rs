@@ -129,11 +129,9 @@ pub(super) struct Route {
     /// Whether it only reads: sent with GET, else with POST.
     pub(super) reads: bool,
     pub(super) role: Role,
-    /// The tag of the answer.
     pub(super) answer: &'static str,
 }
 
-/// The requests over HTTP.
 pub(super) const ROUTES: [Route; 16] = [
     Route::get("status", "status"),
     Route::get("behaviours", "behaviours"),
@@ -177,12 +175,10 @@ impl Route {
         }
     }
 
-    /// The route of this name.
     pub(super) fn find(name: &str) -> Option<&'static Route> {
         ROUTES.iter().find(|route| route.name == name)
     }
 
-    /// The request's tag.
     pub(super) fn tag(&self) -> String {
         self.name.replace('-', "_")
     }
@@ -202,8 +198,6 @@ impl Route {
 }
 
 impl RunRequest {
-    /// The request of this route with these fields.
-    /// Fails if a field is missing, unknown or has a wrong value.
     pub(super) fn from_fields(
         route: &Route,
         mut fields: Map<String, Value>,
@@ -212,7 +206,6 @@ impl RunRequest {
         serde_json::from_value(Value::Object(fields))
     }
 
-    /// Who may send it.
     pub fn role(&self) -> Role {
         self.route().map_or(Role::Driver, |route| route.role)
     }
@@ -230,7 +223,6 @@ impl RunRequest {
         Route::find(&self.fields()[TAG].as_str()?.replace('_', "-"))
     }
 
-    /// The request as HTTP, to a service at this URL.
     pub(super) fn to_http(&self, url: &str) -> axum::http::Result<Request<Vec<u8>>> {
         let mut fields = self.fields();
         fields.remove(TAG);

@@ -65,7 +65,6 @@ pub enum RunResponse {
 }
 
 impl RunResponse {
-    /// A refusal for this reason.
     pub(super) fn refused(error: impl ToString) -> RunResponse {
         RunResponse::Refused {
             error: error.to_string(),
@@ -105,7 +104,6 @@ impl RunResponse {
         }
     }
 
-    /// How a docking or undocking ended.
     pub fn dock_end(&self) -> Option<DockEnd> {
         match self {
             RunResponse::Docked { end, .. } | RunResponse::Undocked { end } => Some(*end),

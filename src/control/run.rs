@@ -70,7 +70,6 @@ pub struct Run {
     pub target: String,
     /// Whether the robot is simulated in this program.
     pub simulated: bool,
-    /// Start time of the run.
     pub began: Instant,
     /// The next start of the timetable, and whether it is a quiet hour.
     pub view: watch::Receiver<View>,
@@ -209,7 +208,6 @@ impl Run {
             RunRequest::Play { sound } => Intent::Play(sound),
             RunRequest::StopSound => Intent::StopSound,
             RunRequest::Volume { percent } => Intent::Volume(percent),
-            // Performed without the pilot.
             RunRequest::Status
             | RunRequest::Behaviours
             | RunRequest::Stop
@@ -370,7 +368,6 @@ impl Run {
 
     /// Joins the pilot with a person's client, whose priority is above all behaviours. `name`
     /// appears in the log.
-    /// Fails if the run has ended.
     pub async fn pilot_client(&self, name: &str) -> Result<PilotClient, PilotClientError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
@@ -452,7 +449,6 @@ impl Run {
         }
     }
 
-    /// The state of the run at this time of its clock.
     pub fn run_status(&self, running: RunningBehaviours, now: Instant) -> RunStatus {
         let status = *self.status.borrow();
         let view = self.view.borrow();

@@ -113,7 +113,6 @@ pub struct Exit {
 }
 
 impl BehaviourListing {
-    /// The listing of a behaviour at this time of its run's clock.
     pub fn new(behaviour_status: &BehaviourStatus, now: tokio::time::Instant) -> BehaviourListing {
         let running = match behaviour_status.state {
             BehaviourState::Running { since, .. } => {

@@ -12,12 +12,9 @@ use crate::simulation::{SimClock, TimeScale};
 /// Maximum absolute value of a coordinate, in metres.
 const FAR: f64 = 1000.0;
 
-/// A simulated robot in this program, and its world.
 #[derive(Clone)]
 pub struct SimulatedRobot {
-    /// The robot and its world.
     pub robot: Handle,
-    /// Control of its clock, if it has its own.
     pub sim_clock: Option<SimClock>,
 }
 

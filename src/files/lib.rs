@@ -26,7 +26,6 @@ const MAX_NAMES: usize = 100_000;
 pub enum ReadError {
     #[error("{0}")]
     Io(#[from] io::Error),
-    /// It is something else, such as a folder or a pipe.
     #[error("it is {0}, not a file")]
     NoFile(&'static str),
     #[error("it is longer than {most} bytes")]
@@ -65,7 +64,6 @@ pub fn read_beginning_unlinked(path: &Path, most: u64) -> Result<Vec<u8>, ReadEr
     beginning(open(CWD, path, OFlags::NOFOLLOW)?, most)
 }
 
-/// Same as [`read`], for a text.
 pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
     String::from_utf8(read(path, most)?).map_err(|_| ReadError::NoText)
 }
@@ -76,7 +74,7 @@ pub fn read_jpeg(path: &Path, most: u64) -> Option<Vec<u8>> {
     let name = path.file_name()?.to_str()?;
     let read = Folder::open(path.parent()?).ok()?.read(name, most);
     let bytes = read.ok().flatten()?;
-    bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
+    Some(bytes).filter(|bytes| bytes.starts_with(&[0xff, 0xd8]))
 }
 
 /// Reads a private file: it must belong to this user, with no access for the group or others.
@@ -153,7 +151,6 @@ pub struct Item {
     /// Time of the last write: seconds since the epoch, and nanoseconds.
     pub written: (i64, i64),
     pub name: String,
-    /// Its length in bytes.
     pub bytes: u64,
 }
 
@@ -170,7 +167,6 @@ impl Folder {
         }
     }
 
-    /// Opens an existing folder.
     pub fn open(path: &Path) -> io::Result<Folder> {
         match open_folder(CWD, path, OFlags::NOFOLLOW) {
             Err(Errno::LOOP | Errno::NOTDIR) if is_link(path) => Err(io::Error::other(format!(
@@ -186,7 +182,6 @@ impl Folder {
         Ok(Folder(open_folder(CWD, path, OFlags::empty())?))
     }
 
-    /// Opens a folder in this one.
     pub fn folder(&self, name: &str) -> io::Result<Folder> {
         match open_folder(&self.0, name, OFlags::NOFOLLOW) {
             Err(Errno::LOOP) => Err(Errno::NOTDIR.into()),

@@ -62,7 +62,6 @@ impl Guardian {
     /// Starts the guardian from this executable, which must be `spykee`. Blocks until the process
     /// is started: not for the driving core. If no process can be started now, that is tried again
     /// for as long as this lives, and nothing may drive meanwhile.
-    /// Fails if the executable cannot be opened, or no thread can be started.
     pub fn start(executable: &Path, files: GuardianFiles) -> io::Result<Guardian> {
         let (starter, first) = Starter::start(executable, files.clone())?;
         if let Err(error) = &first {
@@ -217,7 +216,6 @@ impl Guardian {
         }
     }
 
-    /// Returns whether one of the answers is that the guardian has written.
     fn read_answers(&mut self) -> Option<GuardianAct> {
         let mut buffer = [0; MAX_ANSWER_LEN];
         let mut acted = None;
@@ -275,7 +273,6 @@ impl Drop for Guardian {
     }
 }
 
-/// The channel to a guardian.
 #[derive(Debug)]
 struct GuardianSocket {
     fd: OwnedFd,

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// How long a debt is pursued.
 const DEBT_LIMIT: Duration = Duration::from_secs(10 * 60);
 /// How long a link is held open for its last words if no debt stands.
 const LINK_LIMIT: Duration = Duration::from_secs(6);
@@ -50,11 +49,9 @@ pub(super) enum DebtEvent {
     /// So many POWER messages were received on the open link; once the last words are written, only
     /// those received when the robot's system had acknowledged them.
     LinkPowers(u32),
-    /// The robot has closed its half of the link.
     LinkClosed,
     LinkBroken,
     Connected,
-    /// The robot has accepted the login.
     Accepted,
     /// It has sent its first POWER after that.
     LoggedIn,

@@ -64,7 +64,6 @@ pub(super) enum Datagram {
     /// A message, with the socket that was sent along.
     Message(GuardianMessage, Option<OwnedFd>),
     Nothing,
-    /// The agent is gone.
     End,
 }
 

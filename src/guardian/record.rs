@@ -9,7 +9,6 @@ use rustix::fs::{FileType, Mode, OFlags, fstat, open};
 
 use crate::files;
 
-/// Name of the file in the data folder.
 const NAME: &str = "guardian.log";
 /// A longer file begins anew.
 const MAX_LEN: u64 = 64 * 1024;

@@ -24,7 +24,6 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 /// After a guardian that has lived this long the pauses begin anew.
 const GOOD_LIFE: Duration = Duration::from_secs(60);
 
-/// The files of a guardian, both in the data folder.
 #[derive(Debug, Clone, Default)]
 pub struct GuardianFiles {
     /// Where it tells people what it does without the agent; see

@@ -14,11 +14,9 @@ use rustix::net::{SocketAddrUnix, bind};
 use crate::files::Folder;
 
 const STOP: &[u8] = b"STOP\n";
-/// The longest word that is read.
 const MAX_WORD_LEN: usize = 16;
 /// How long an answer may take.
 const ANSWER_LIMIT: Duration = Duration::from_secs(2);
-/// Access for the user only.
 const PRIVATE: u32 = 0o600;
 
 /// What a guardian has done about a person's STOP.

@@ -23,7 +23,6 @@ use crate::rate_limit::Repeats;
 
 /// How often the tokens are read again.
 const REREAD: Duration = Duration::from_secs(1);
-/// Wrong tokens are logged at most this often.
 const WRONG_TOKENS: Duration = Duration::from_secs(60);
 
 /// The host names under which we are reached, and the tokens.
@@ -81,7 +80,6 @@ impl Access {
         visitor
     }
 
-    /// Waits until this visitor has no access any more.
     pub async fn revoked(&self, visitor: &Visitor) {
         let lost = |keyring: &Keyring| match &visitor.key {
             Some(key) => !keyring.list().contains(key),
@@ -195,7 +193,6 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
     }
 }
 
-/// Why a request is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{error}")]
 pub struct Refusal {

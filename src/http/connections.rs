@@ -32,7 +32,6 @@ enum Lane {
 }
 
 impl Lane {
-    /// The number of connections in it.
     fn most(self) -> usize {
         match self {
             Lane::Member => MAX_MEMBERS,

@@ -20,7 +20,6 @@ const FILE: &str = "tokens.json";
 const MAX_LEN: u64 = 64 * 1024;
 /// Maximum number of tokens per data folder.
 const MAX_TOKENS: usize = 100;
-/// Maximum length of a name, in characters.
 const LONGEST_NAME: usize = 40;
 /// Prefix of all tokens, by which people and secret scanners recognise them.
 const PREFIX: &str = "spykee_";
@@ -115,7 +114,6 @@ pub enum AccessError {
     Broken { path: String, why: String },
     #[error("cannot write the tokens to {path}: {source}")]
     Write { path: String, source: io::Error },
-    /// The data folder belongs to somebody else, who could not read the file.
     #[error("the data folder {path} belongs to another user, who could not read these tokens")]
     Foreign { path: String },
     /// A name that is taken, empty or too long, or too many tokens.

@@ -27,15 +27,12 @@ use super::keyring::Role;
 use super::origin_check::{OriginHeaders, Reason};
 use super::unknown_host;
 
-/// Timeout for the body of a request.
 const BODY: Duration = Duration::from_secs(15);
-/// Name of the cookie with the token of a person.
 pub(super) const COOKIE: &str = "spykee_token";
 /// Path of the request that must always get through.
 const STOP: &str = "/api/stop";
 /// Path of the camera's pictures for tools, whose address may contain a token.
 pub const CAMERA: &str = "/api/camera.mjpeg";
-/// The path of one picture.
 const PICTURE: &str = "/api/picture";
 /// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
@@ -176,7 +173,10 @@ fn admit(
 
 /// Returns the token of a tool that can send no headers.
 fn token_in_address(uri: &Uri) -> Option<&str> {
-    let mut fields = uri.query().filter(|_| uri.path() == CAMERA)?.split('&');
+    if uri.path() != CAMERA {
+        return None;
+    }
+    let mut fields = uri.query()?.split('&');
     fields.find_map(|field| field.strip_prefix("token="))
 }
 

@@ -9,9 +9,7 @@ use std::net::{IpAddr, SocketAddr};
 
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct OriginHeaders<'a> {
-    /// Its `Host`, if it has exactly one.
     pub host: Option<&'a str>,
-    /// Its `Origin`, if it has one.
     pub origin: Option<&'a str>,
     /// Its `Sec-Fetch-Site`, if it has one.
     pub site: Option<&'a str>,
@@ -26,7 +24,6 @@ pub(super) enum Reason {
         "unknown host name in the request: add it to the config with `live: {{ hosts: [NAME] }}`"
     )]
     Host,
-    /// The request comes from another site's page.
     #[error("the request comes from another site's page")]
     Origin,
 }

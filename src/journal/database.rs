@@ -15,7 +15,6 @@ use crate::files::Folder;
 
 /// Name of the journal's folder in the data folder. No behaviour can have a folder of this name.
 const FOLDER: &str = ".journal";
-/// Name of the journal's file.
 pub(super) const FILE: &str = "journal.db";
 /// How long a write waits for another process that writes.
 const BUSY: Duration = Duration::from_secs(5);
@@ -294,7 +293,7 @@ mod tests {
 
     fn event(at: i64, text: &str) -> Row {
         let content = Content::Event {
-            kind: "link_down",
+            kind: "link_down".to_owned(),
             behaviour: None,
             data: serde_json::json!({ "event": "link_down", "reason": text }).to_string(),
         };

@@ -69,7 +69,6 @@ pub struct Span {
 /// The battery within one part of a period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LevelRange {
-    /// The number of the part, from 0.
     pub part: u32,
     /// `None` if no level was known.
     pub low: Option<u8>,

@@ -63,7 +63,6 @@ pub enum When {
 /// The agent that the journal describes.
 #[derive(Debug, Clone)]
 pub struct RunInfo {
-    /// The robot's address.
     pub target: String,
     pub simulated: bool,
 }

@@ -16,7 +16,6 @@ const MAX_PER_MINUTE: u32 = 600;
 const MINUTE: Duration = Duration::from_secs(60);
 /// Rows within this time are written together.
 const BATCH_TIME: Duration = Duration::from_millis(250);
-/// Pause after a failed write.
 const RETRY_PAUSE: Duration = Duration::from_secs(5);
 
 #[derive(Debug, Default)]
@@ -24,7 +23,6 @@ pub(super) struct Pending {
     rows: Vec<Row>,
     /// Number of events that are not among the rows.
     lost: u64,
-    /// The robot that was connected last.
     robot: Option<String>,
     /// The battery level, while the link is up.
     battery: Option<Battery>,
@@ -110,7 +108,6 @@ const LONGEST: usize = 16 * 1024;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Row {
     pub(super) at: i64,
-    /// The uid of the connected robot.
     pub(super) robot: Option<String>,
     pub(super) content: Content,
 }
@@ -123,7 +120,7 @@ pub(super) enum Content {
         charging: bool,
     },
     Event {
-        kind: &'static str,
+        kind: String,
         behaviour: Option<String>,
         data: String,
     },
@@ -141,29 +138,29 @@ impl Content {
         if let AgentEvent::Battery(battery) = what {
             return Content::of_battery(battery);
         }
-        let kind = what.kind();
         // Serialisation cannot fail: all keys of an event are strings.
-        let event = serde_json::to_value(what).unwrap_or_else(|_| json!({ "event": kind }));
+        let event = serde_json::to_value(what).unwrap_or_default();
+        let kind = event["event"].as_str().unwrap_or_default().to_owned();
         let by = match what {
             AgentEvent::Dock { .. } | AgentEvent::Undock { .. } => &event["by"],
             _ => &event["behaviour"],
         };
-        let text = event.to_string();
+        let behaviour = by.as_str().map(str::to_owned);
+        let mut data = event.to_string();
+        if data.len() > LONGEST {
+            data = json!({ "event": kind, "too_long": data.len() }).to_string();
+        }
         Content::Event {
             kind,
-            behaviour: by.as_str().map(str::to_owned),
-            data: if text.len() > LONGEST {
-                json!({ "event": kind, "too_long": text.len() }).to_string()
-            } else {
-                text
-            },
+            behaviour,
+            data,
         }
     }
 
     pub(super) fn of_lost(count: u64) -> Content {
         let data: Value = json!({ "event": "lost", "count": count });
         Content::Event {
-            kind: "lost",
+            kind: "lost".to_owned(),
             behaviour: None,
             data: data.to_string(),
         }

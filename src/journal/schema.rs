@@ -51,7 +51,6 @@ pub(super) const STEPS: &[&str] = &[
 ",
 ];
 
-/// The version of a file that this program writes.
 pub(super) const VERSION: usize = STEPS.len();
 
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {

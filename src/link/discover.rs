@@ -27,7 +27,6 @@ pub struct Found {
     pub addr: SocketAddr,
     /// Such as `SPYKEE0001`.
     pub uid: String,
-    /// The user connected to it, if any.
     pub connected_user: Option<String>,
 }
 
@@ -60,7 +59,6 @@ pub fn broadcast_targets() -> Vec<SocketAddr> {
 
 /// Asks only `targets`, and listens until `timeout` is over. IPv6 targets are asked only if all
 /// targets are IPv6.
-/// Fails if no datagram socket can be created.
 pub async fn ask(targets: &[SocketAddr], timeout: Duration) -> io::Result<Vec<Found>> {
     let mut found = BTreeMap::new();
     let listen = |reply: Found| {

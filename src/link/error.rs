@@ -9,10 +9,8 @@ use crate::wire::{FramingError, Refusal};
 /// Why there is no link, or no longer. Never contains a password.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// No TCP connection could be established.
     #[error("cannot reach the robot at {target}: {source}")]
     Unreachable { target: Target, source: io::Error },
-    /// No connection or reply within the time limit.
     #[error("timed out after {after:?} while waiting for {what}")]
     TimedOut { what: &'static str, after: Duration },
     /// AUTH_REPLY 0, 1.
@@ -30,13 +28,10 @@ pub enum LinkError {
     /// Accepted, but without a battery level: motion is not allowed.
     #[error("the robot accepted the login, but sent no battery level within {after:?}")]
     NoPower { after: Duration },
-    /// The robot closed or reset the connection.
     #[error("the robot closed the connection")]
     Closed,
-    /// The framing is invalid.
     #[error("the robot sends something that is not a Spykee message: {0}")]
     Framing(#[from] FramingError),
-    /// Data could not be written, or was not acknowledged, in time.
     #[error("the link is dead: nothing could be sent for {after:?}")]
     Dead { after: Duration },
     /// The guardian process cannot be given a duplicate of the socket: nothing may drive over it.
@@ -45,7 +40,6 @@ pub enum LinkError {
     /// This side closes the link, for this reason.
     #[error("{0}")]
     ClosedHere(String),
-    /// Any other error of the system.
     #[error("the link failed: {0}")]
     Io(#[source] io::Error),
 }

@@ -114,7 +114,6 @@ pub(super) struct Pace {
     settled: usize,
     /// Whether it answers questions; `None`: not known yet.
     answers: Option<bool>,
-    /// The number of answers.
     seen: u32,
     period: Duration,
     measured: bool,

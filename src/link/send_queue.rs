@@ -91,7 +91,6 @@ pub(super) struct SendQueue {
     /// The rest of a message that is partly written.
     partly_written: Bytes,
     urgent: VecDeque<Message>,
-    /// The number of bytes in `urgent`.
     waiting: usize,
     paced: VecDeque<Message>,
     speech: Speech,
@@ -100,7 +99,6 @@ pub(super) struct SendQueue {
     pace: Pace,
     /// The number of bytes written.
     written: u64,
-    /// The last MOVE written.
     last_move: Bytes,
     /// When the robot begins to execute it.
     move_begins: Option<Instant>,
@@ -379,7 +377,6 @@ impl SendQueue {
         self.urgent() == 0
     }
 
-    /// Whether a message is partly written.
     pub(super) fn is_message_cut(&self) -> bool {
         !self.partly_written.is_empty()
     }

@@ -250,7 +250,6 @@ impl Answers {
 /// A login that the robot has accepted; it obeys only after its first POWER.
 #[derive(Debug, Clone)]
 pub struct AcceptedLogin {
-    /// A duplicate of the socket.
     pub socket: Arc<std::net::TcpStream>,
     pub peer: SocketAddr,
     /// How it was logged in to.

@@ -15,11 +15,9 @@ use crate::yaml;
 pub struct Target {
     /// Name or address, without brackets.
     pub host: String,
-    /// TCP port, never 0.
     pub port: u16,
 }
 
-/// Why a text is not a [`Target`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
     /// The part before the port is not a host.
@@ -27,10 +25,8 @@ pub enum TargetError {
         "expected HOST[:PORT], such as 172.17.6.1, robot.local:9000 or [::1]:9000, found `{0}`"
     )]
     Host(String),
-    /// The part after the colon is not a port.
     #[error("expected a port from 1 to 65535, found `{0}`")]
     Port(String),
-    /// An IPv6 address without brackets.
     #[error("write an IPv6 address in brackets: [{0}] or [{0}]:{port}", port = wire::PORT)]
     Brackets(String),
 }

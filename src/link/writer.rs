@@ -63,7 +63,6 @@ pub struct Writer {
     /// The tracks may be on: a drop must send the last words.
     armed: bool,
     unflushed: bool,
-    /// The last [`Writer::ask`].
     asked: Option<Asked>,
     /// A message was cut, or the rest of a cut one has changed, since [`Writer::progress`] last
     /// returned.

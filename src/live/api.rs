@@ -74,15 +74,21 @@ impl Get {
     }
 }
 
+const HEALTH: &str = "Whether the program and the robot are up.";
+const MJPEG: &str = "The camera's pictures as MJPEG, at least one each second, for tools. One that \
+                     can send no headers adds `?token=` with a viewer's token.";
+const HISTORY: &str = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last \
+                       week with `?days=7`, at most 366 days; and the newest events. Null without a \
+                       journal.";
+const PICTURES: &str = "The saved pictures from `?since=` to `&until=`, in milliseconds since 1970: \
+                        those that were sent to people, and the others by run. Null without a journal.";
+
 /// Everything that programs can read here, the requests apart.
 fn gets() -> [Get; 8] {
-    let health = "Whether the program and the robot are up.";
-    let parts = "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week \
-                 with `?days=7`, at most 366 days; and the newest events. Null without a journal.";
     [
         Get {
             private: false,
-            ..Get::new("/healthz", health, schema_of::<Health>, get(healthz))
+            ..Get::new("/healthz", HEALTH, schema_of::<Health>, get(healthz))
         },
         Get::new(
             "/metrics",
@@ -104,21 +110,19 @@ fn gets() -> [Get; 8] {
         ),
         Get::new(
             CAMERA,
-            "The camera's pictures as MJPEG, at least one each second, for tools. One that can send \
-             no headers adds `?token=` with a viewer's token.",
+            MJPEG,
             |_| json!({ mjpeg::CONTENT_TYPE: {} }),
             get(mjpeg::camera),
         ),
         Get::new(
             "/api/history",
-            parts,
+            HISTORY,
             schema_of::<Option<History>>,
             get(history),
         ),
         Get::new(
             "/api/pictures",
-            "The saved pictures from `?since=` to `&until=`, in milliseconds since 1970: those that were \
-             sent to people, and the others by run. Null without a journal.",
+            PICTURES,
             schema_of::<Option<Gallery>>,
             get(pictures),
         ),

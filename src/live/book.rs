@@ -13,7 +13,6 @@ use crate::files;
 
 /// Where the pages are, seen from the program's folder: in a package, or in a checkout.
 const PLACES: [&str; 2] = ["../share/spykee/book", "../book"];
-/// Maximum size of a file.
 const MAX_LEN: u64 = 16 << 20;
 const MISSING: &str = "The book is not installed here. In a checkout, scripts/book builds it; \
                        as plain text it is in behaviours/guide/.\n";

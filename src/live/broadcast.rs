@@ -106,14 +106,12 @@ pub(super) struct Broadcast {
     pub(super) log_buffer: LogBuffer,
     pub(super) metrics: Metrics,
     pub(super) found: broadcast::Sender<Utf8Bytes>,
-    /// The newest messages, for all viewers.
     pub(super) state: watch::Sender<Utf8Bytes>,
     pub(super) map: watch::Sender<Utf8Bytes>,
     pub(super) behaviours: watch::Sender<Utf8Bytes>,
     pub(super) history: Mutex<BatteryHistory>,
     viewers: Mutex<ViewerList>,
     robot: watch::Sender<Option<RobotInfo>>,
-    /// Whether the pilot responds.
     alive: AtomicBool,
 }
 

@@ -5,6 +5,7 @@
 //! other messages it gets the newest when there is room. If a message cannot be sent within
 //! [`SEND_TIMEOUT`], or the page is silent for [`SILENCE_TIMEOUT`], the connection is closed.
 
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -57,13 +58,10 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     let (watch, watched) = watch::channel(Watch::default());
     let (taken, frames_taken) = watch::channel(0);
     let (messages, outgoing) = mpsc::channel(MAX_WAITING);
-    let broadcast = viewer.broadcast().clone();
-    let hello = hello(&viewer);
+    let broadcast = viewer.broadcast.clone();
     let access = broadcast.access.clone();
     let visitor = viewer.visitor.clone();
-    let revoked = access.revoked(&visitor);
-    let evicted = viewer.evicted.clone();
-    tokio::pin!(revoked);
+    let mut revoked = pin!(access.revoked(&visitor));
     let writer = Writer {
         broadcast,
         watched,
@@ -74,7 +72,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         log: None,
         found: None,
     };
-    let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
+    let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello(&viewer))));
     let mut reader = Reader {
         viewer,
         watch,
@@ -88,7 +86,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
         let message = tokio::select! {
             biased;
             () = &mut revoked => return,
-            () = evicted.cancelled() => {
+            () = reader.viewer.evicted.cancelled() => {
                 reader.notice("evicted");
                 sleep(NOTICE_TIME).await;
                 return;
@@ -107,7 +105,7 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
 }
 
 fn hello(viewer: &Viewer) -> Utf8Bytes {
-    let run = &viewer.broadcast().run;
+    let run = &viewer.broadcast.run;
     text(&ToPage::Hello {
         version: env!("CARGO_PKG_VERSION"),
         you: viewer.id,
@@ -121,7 +119,6 @@ fn hello(viewer: &Viewer) -> Utf8Bytes {
 struct Reader {
     viewer: Viewer,
     watch: watch::Sender<Watch>,
-    /// Number of frames taken.
     taken: watch::Sender<u32>,
     messages: mpsc::Sender<Utf8Bytes>,
     commands: Vec<AbortOnDropHandle<()>>,
@@ -167,7 +164,7 @@ impl Reader {
     /// STOP does not wait for other commands, and its answer is in the state.
     fn stop_or_reset(&self, request: RunRequest) {
         let by = self.viewer.visitor.describe("the page");
-        let run = self.viewer.broadcast().run.clone();
+        let run = self.viewer.broadcast.run.clone();
         tokio::spawn(async move { run.perform(request, &by).await });
     }
 
@@ -204,7 +201,7 @@ impl Reader {
             return self.answer(id, false, "too many commands at once".to_owned());
         }
         let by = self.viewer.visitor.describe("the page");
-        let run = self.viewer.broadcast().run.clone();
+        let run = self.viewer.broadcast.run.clone();
         let messages = self.messages.clone();
         let doing = tokio::spawn(async move {
             let answer = run.perform(command, &by).await;
@@ -239,7 +236,6 @@ struct Writer {
     watched: watch::Receiver<Watch>,
     taken: watch::Receiver<u32>,
     outgoing: mpsc::Receiver<Utf8Bytes>,
-    /// Number of frames sent.
     sent: u32,
     map: Option<watch::Receiver<Utf8Bytes>>,
     log: Option<broadcast::Receiver<Line>>,
@@ -278,7 +274,11 @@ impl Writer {
                 changed = self.watched.changed() => {
                     changed.ok()?;
                     let watch = *self.watched.borrow_and_update();
-                    camera = watch.camera.then(|| camera.take().unwrap_or_else(|| broadcast.camera.register()));
+                    if !watch.camera {
+                        camera = None;
+                    } else if camera.is_none() {
+                        camera = Some(broadcast.camera.register());
+                    }
                     self.update(watch, sink).await?;
                 }
                 changed = self.taken.changed() => changed.ok()?,

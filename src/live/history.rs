@@ -23,9 +23,7 @@ const PART_OF_A_DAY: i64 = 5 * 60 * 1000;
 const EVENTS: u32 = 200;
 /// The kinds of events in the plot.
 const PLOTTED: [&str; 4] = ["dock", "safety", "started", "ended"];
-/// Number of future starts shown.
 const STARTS: usize = 6;
-/// Maximum size of a picture, in bytes.
 const MAX_PICTURE: u64 = 4 << 20;
 /// Maximum number of records that a gallery is made of: the newest.
 const GALLERY: u32 = 4000;
@@ -170,7 +168,6 @@ pub(super) fn read(
 /// Sorts the events of a period into its parts.
 struct Plot {
     since: i64,
-    /// The length of a part.
     part: i64,
     parts: Vec<Part>,
     /// When the runs without an end began, by session and behaviour.

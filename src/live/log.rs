@@ -16,7 +16,6 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Capacity of the queue from the log to the page.
 const MAX_WAITING: usize = 512;
 /// Number of lines kept for later viewers.
 const KEPT: usize = 400;
@@ -160,7 +159,6 @@ impl LogBuffer {
         }
     }
 
-    /// Stores incoming lines; never returns.
     pub(super) async fn collect(&self, mut lines: mpsc::Receiver<Line>) {
         while let Some(line) = lines.recv().await {
             self.write(line);

@@ -23,7 +23,6 @@ use crate::http::{Refusal, Visitor};
 use crate::robot::{Frame, Use};
 use crate::wire::Stream;
 
-/// The boundary is `frame`.
 pub(super) const CONTENT_TYPE: &str = "multipart/x-mixed-replace; boundary=frame";
 const BOUNDARY: &str = "--frame\r\n";
 /// How long the first picture may take.
@@ -67,7 +66,7 @@ struct LivePictures {
 
 impl LivePictures {
     fn new(viewer: Viewer) -> LivePictures {
-        let camera = &viewer.broadcast().camera;
+        let camera = &viewer.broadcast.camera;
         LivePictures {
             frames: camera.newest.subscribe(),
             _watching: camera.register(),
@@ -78,7 +77,7 @@ impl LivePictures {
 
     /// The next part; `None` at the end.
     async fn next_part(&mut self) -> Option<Bytes> {
-        let access = &self.viewer.broadcast().access;
+        let access = &self.viewer.broadcast.access;
         let changed = tokio::select! {
             biased;
             () = access.revoked(&self.viewer.visitor) => return None,

@@ -16,12 +16,10 @@ use crate::timetable::Timetable;
 /// Maximum length of a script that is shown, in bytes.
 const MAX_LEN: u64 = 256 * 1024;
 
-/// A script of the run.
 #[derive(Debug, Clone)]
 pub struct Script {
     /// The behaviour's name.
     pub name: String,
-    /// Its file.
     pub file: PathBuf,
     /// Its text at the start of the behaviour.
     pub source: String,

@@ -37,7 +37,6 @@ pub struct WebContext {
     pub data: PathBuf,
 }
 
-/// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
     /// Access cannot be set up: no visitor could log in, or anyone could.
@@ -80,7 +79,6 @@ impl Live {
         Ok(Live { address, thread })
     }
 
-    /// Where the page listens.
     pub fn address(&self) -> SocketAddr {
         self.address
     }

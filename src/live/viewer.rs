@@ -27,12 +27,11 @@ use crate::http::{MAX_VIEWERS, Role, Visitor};
 use crate::robot::{Event, Intent, Setpoint};
 use crate::simulation::TimeScale;
 
-/// The number of the next viewer.
 static NUMBER: AtomicU32 = AtomicU32::new(1);
 
 /// A viewer, until dropped. Dropping it releases the drive lock.
 pub(super) struct Viewer {
-    broadcast: Arc<Broadcast>,
+    pub(super) broadcast: Arc<Broadcast>,
     pub(super) id: u32,
     pub(super) visitor: Visitor,
     /// Cancelled when another viewer needs the place.
@@ -107,10 +106,6 @@ impl Viewer {
             evicted,
             name: Mutex::new(name),
         })
-    }
-
-    pub(super) fn broadcast(&self) -> &Arc<Broadcast> {
-        &self.broadcast
     }
 
     pub(super) fn rename(&self, name: &str) {
@@ -215,7 +210,6 @@ const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(50);
 /// Pause before STOP takes the tracks again.
 const AGAIN: Duration = Duration::from_millis(200);
 
-/// A setpoint and the time it was received.
 pub(super) type TimedSetpoint = (Setpoint, Instant);
 
 /// Drives with the viewer's setpoints until the viewer releases the drive lock, or somebody orders

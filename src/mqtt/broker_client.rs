@@ -62,7 +62,6 @@ pub(super) struct BrokerClient {
     rng: StdRng,
     /// Number of events dropped because the queue was full.
     dropped: u64,
-    /// Whether the loss of the connection was logged already.
     loss_logged: bool,
     log: LimitedLog,
 }
@@ -284,13 +283,12 @@ impl BrokerClient {
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
-        if !EVENTS.contains(&what.kind()) {
+        let mut event = serde_json::to_value(what).unwrap_or_default();
+        let kind = event["event"].clone();
+        if !EVENTS.iter().any(|one| kind == *one) {
             return;
         }
-        let Ok(mut event) = serde_json::to_value(what) else {
-            return;
-        };
-        event["event_type"] = what.kind().into();
+        event["event_type"] = kind;
         if connection.publish(&self.topics.named("event"), event.to_string().into())
             == Err(QueueFull)
         {
@@ -373,7 +371,6 @@ impl BrokerClient {
         Ok(())
     }
 
-    /// Starts a command with its request to the run, if it has one.
     fn perform(&mut self, command: BrokerCommand, request: Result<RunRequest, String>) {
         let drives = matches!(
             request,
@@ -478,7 +475,6 @@ async fn next_event(phase: &mut Phase) -> Option<ConnectionEvent> {
     }
 }
 
-/// Bytes per day.
 const PER_DAY: u64 = 1 << 20;
 /// Bytes of time and level before a line.
 const PREFIX: u64 = 40;

@@ -7,7 +7,6 @@ use crate::control::{RunRequest, RunResponse};
 use crate::timetable::TimetableChange;
 use crate::wire::Sound;
 
-/// Maximum length of a command, in bytes.
 const LONGEST: usize = 1024;
 /// Maximum length of the name of a chosen behaviour, in bytes.
 const LONGEST_CHOICE: usize = 256;

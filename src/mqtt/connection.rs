@@ -24,13 +24,11 @@ const LONGEST_RECEIVED: usize = 64 << 10;
 pub(super) const LONGEST_SENT: usize = 1 << 20;
 /// The broker declares the connection broken after one and a half times this without a message.
 const KEEP_ALIVE: Duration = Duration::from_secs(20);
-/// Timeout for the connection, in seconds.
 const CONNECTING: u64 = 10;
 
 /// A broker and our account there; the secrets have already been read.
 #[derive(Clone)]
 pub struct Account {
-    /// The `mqtt:` section of the config.
     pub options: config::Mqtt,
     pub password: Option<String>,
     pub ca: Option<Vec<u8>>,
@@ -51,7 +49,6 @@ pub(super) enum ConnectionEvent {
     Subscribed,
     /// The broker has confirmed a message of ours.
     Acknowledged,
-    /// The connection is lost, for this reason.
     Lost(String),
 }
 

@@ -12,7 +12,6 @@ use super::command::{BrokerCommand, CommandResult};
 use super::connection::{Account, Connection, ConnectionEvent, QueueFull};
 use super::topics::{PREFIX, Presence, Topics};
 
-/// Timeout for the connection and the subscriptions.
 const OPENING: Duration = Duration::from_secs(10);
 /// A broker sends retained messages at once: after this long without a message, all have arrived.
 const SILENCE_TIMEOUT: Duration = Duration::from_millis(700);
@@ -23,7 +22,6 @@ const LONGEST_STATE: usize = 16 << 10;
 /// Maximum number of agents listed.
 const MAX_ROBOTS: usize = 10_000;
 
-/// An agent known to the broker.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
     /// Its robot's uid, as used in topics.
@@ -43,7 +41,6 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Connects to the broker and lists its agents.
     pub async fn connect(account: Account) -> Result<Fleet, String> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
         let connection = Connection::connect(&account, &client, None);

@@ -17,7 +17,6 @@ const MAX_FAILURES: usize = 32;
 /// Builds the published state, and remembers what it needs of past events.
 #[derive(Debug, Default)]
 pub(super) struct Report {
-    /// Why the link was lost.
     lost: Option<String>,
     /// How the last docking failed, if it did.
     dock: Option<DockEnd>,

@@ -5,7 +5,6 @@ use crate::robot::named;
 /// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
 
-/// The first part of all topics of agents.
 pub(super) const PREFIX: &str = "spykee";
 /// The first part of the topics in which Home Assistant looks for devices.
 const DISCOVERY: &str = "homeassistant";

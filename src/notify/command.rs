@@ -15,7 +15,6 @@ use super::options::Target;
 use super::template::{Slot, fill};
 use super::{Delivery, Notice};
 
-/// Polling interval for the end of the program.
 const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
 const EVENT: &str = "SPYKEE_EVENT";

@@ -15,7 +15,6 @@ use crate::robot::Seconds;
 const MAX_TARGETS: usize = 8;
 /// Maximum length of a target's name, in bytes.
 const LONGEST_NAME: usize = 40;
-/// Maximum length of a topic, in bytes.
 const LONGEST_TOPIC: usize = 200;
 
 /// Which messages go to which targets.

@@ -114,7 +114,6 @@ impl Rules {
         }
     }
 
-    /// Handles what a behaviour did.
     fn of_behaviour(&mut self, what: &AgentEvent, now: Instant) -> Option<Notice> {
         match what {
             AgentEvent::Ended {

@@ -27,7 +27,6 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(900);
 const POLL_INTERVAL: Duration = Duration::from_secs(30);
 /// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
-/// Time limit of a delivery.
 pub const DELIVERY_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// Publishes a payload under a topic and waits for the broker's confirmation, at most for

@@ -28,7 +28,6 @@ pub(super) enum Slot {
     Header,
 }
 
-/// Checks that all placeholders are known.
 pub(super) fn check(template: &str) -> Result<(), String> {
     match parts(template).find_map(|part| part.err().filter(|name| !NAMES.contains(name))) {
         Some(name) => {

@@ -79,7 +79,6 @@ fn delivery_of(status: u16) -> Delivery {
     }
 }
 
-/// Describes an error without the address.
 fn failed(error: &ureq::Error) -> Delivery {
     use ureq::Error::{BadUri, HostNotFound, Io, Timeout};
     Delivery::Later(match error {

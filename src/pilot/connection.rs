@@ -40,7 +40,6 @@ pub(super) enum ConnectionEvent {
 enum State {
     Pausing(Pin<Box<Sleep>>),
     Connecting(Attempt),
-    /// The pilot has the session.
     Connected,
 }
 

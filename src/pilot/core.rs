@@ -32,8 +32,6 @@ pub struct DrivingCore {
 }
 
 impl DrivingCore {
-    /// Starts the thread.
-    /// Fails if the system cannot create the thread or its runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
             .enable_all()
@@ -61,7 +59,6 @@ impl DrivingCore {
         })
     }
 
-    /// The handle that spawns tasks on the core.
     pub fn handle(&self) -> &Handle {
         &self.handle
     }
@@ -79,7 +76,6 @@ impl Drop for DrivingCore {
 /// [`HEARTBEAT_TIMEOUT`], is a stall of a busy or virtual machine.
 const LONGEST_STALL: Duration = Duration::from_secs(3);
 
-/// What has interrupted the core.
 #[derive(Debug, PartialEq)]
 pub(super) struct Interruption {
     pub(super) what: String,

@@ -24,13 +24,11 @@ struct Counts {
     micros: AtomicU64,
 }
 
-/// All reactions counted so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tally {
     /// The upper bound of each bucket in seconds, and the number of reactions in it but in no lower
     /// one; the last bucket is unbounded.
     pub buckets: Vec<(f64, u64)>,
-    /// The sum of all reaction times, in seconds.
     pub sum: f64,
     pub count: u64,
 }

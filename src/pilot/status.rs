@@ -94,11 +94,9 @@ impl Status {
 /// changes. Lights and volume are unknown after a login, lights also after sounds that switch them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct ActuatorState {
-    /// The power of the tracks.
     pub tracks: Setpoint,
     /// The headlight, the left and the right light.
     pub lights: [Option<bool>; 3],
-    /// The volume, in percent.
     pub volume: Option<u8>,
     pub sound: Option<Sound>,
     /// The number of sounds so far: distinguishes repetitions of the same sound.

@@ -14,7 +14,6 @@ pub const MAX_REQUESTS: usize = 256;
 /// The most events in a behaviour's queue.
 pub const MAX_EVENTS: usize = 256;
 
-/// A supervisor's request to the pilot.
 #[derive(Debug)]
 pub enum Request {
     Join {
@@ -30,7 +29,6 @@ pub enum Request {
     Gone(BehaviourId),
     /// A permanent failure has occurred that a person should know of: sound the alarm, once.
     Alarm,
-    /// Return the robot and the running behaviours.
     Running(oneshot::Sender<RunningBehaviours>),
     /// Forbid everything, the watchdog included, to move the robot; or allow it again.
     EmergencyStop(bool),
@@ -51,7 +49,6 @@ pub enum Quiet {
     /// Sounds and lights are allowed.
     #[default]
     Off,
-    /// Scripts are quiet.
     Scripts,
     /// Scripts and the alarm are quiet.
     WithAlarm,
@@ -86,7 +83,6 @@ pub struct RunningBehaviour {
     pub priority: Priority,
 }
 
-/// Suspends this program, and returns when it resumes.
 pub struct Suspend(pub Box<dyn FnOnce() + Send>);
 
 impl std::fmt::Debug for Suspend {
@@ -148,13 +144,8 @@ impl EventSender {
         self.kill
             .send_if_modified(|kill| kill.replace(reason).is_none());
     }
-
-    pub fn dropped(&self) -> u64 {
-        self.dropped
-    }
 }
 
-/// The supervisor's end.
 #[derive(Debug)]
 pub struct EventReceiver {
     events: mpsc::Receiver<Event>,
@@ -162,13 +153,11 @@ pub struct EventReceiver {
     picture: Arc<Notify>,
 }
 
-/// A message from the pilot to a supervisor.
 #[derive(Debug, PartialEq)]
 pub enum PilotMessage {
     Event(Event),
     /// End the host now.
     Kill(EndReason),
-    /// The pilot has ended.
     Closed,
 }
 
@@ -211,7 +200,7 @@ mod tests {
     async fn an_event_that_does_not_fit_is_dropped_but_an_answer_ends_the_behaviour() {
         let (mut events, mut inbox) = events();
         (0..MAX_EVENTS + 3).for_each(|_| events.tell(Event::Docked));
-        assert_eq!(events.dropped(), 3);
+        assert_eq!(events.dropped, 3);
         assert_eq!(inbox.next().await, PilotMessage::Event(Event::Docked));
         events.tell(Event::Docked);
         events.tell(Event::MotionEnded {

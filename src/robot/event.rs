@@ -59,7 +59,6 @@ pub enum Intent {
 }
 
 impl Intent {
-    /// Whether it asks for motion.
     pub fn drives(&self) -> bool {
         matches!(
             self,
@@ -200,7 +199,6 @@ macro_rules! named {
         }
 
         impl $name {
-            /// Every value.
             pub const ALL: &'static [$name] = &[$($name::$variant,)+];
 
             /// The name in scripts and logs.
@@ -277,7 +275,6 @@ pub struct DockOutcome {
 }
 
 impl DockOutcome {
-    /// Ended at once, without an attempt.
     pub fn without_attempt(end: DockEnd) -> DockOutcome {
         DockOutcome {
             end,
@@ -310,7 +307,6 @@ named! {
 }
 
 impl EndReason {
-    /// A sentence for the log.
     pub fn sentence(self) -> &'static str {
         match self {
             EndReason::Done => "the script has finished",

@@ -10,7 +10,6 @@ use tokio::time::Instant;
 use super::param::ParamBoard;
 use crate::wire::Stream;
 
-/// One camera frame, as received.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Frame {
     /// Counts the frames of a run from 1; a slow reader sees gaps.
@@ -21,7 +20,6 @@ pub struct Frame {
     pub jpeg: Bytes,
 }
 
-/// The frames of the camera.
 #[derive(Debug, Clone, Default)]
 pub struct Pictures {
     /// The newest frame, which may be damaged.
@@ -74,7 +72,6 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// When this stream is on.
     pub fn usage(&self, stream: Stream) -> Use {
         match stream {
             Stream::Video => self.video,
@@ -95,7 +92,6 @@ impl Streams {
         Ok(())
     }
 
-    /// The streams with this usage.
     pub fn used(self, usage: Use) -> impl Iterator<Item = Stream> {
         let all = Stream::ALL.iter().copied();
         all.filter(move |stream| self.usage(*stream) == usage)
@@ -124,7 +120,6 @@ pub struct Detection {
     pub text: String,
 }
 
-/// What one behaviour found in one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detections {
     pub behaviour: String,

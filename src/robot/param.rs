@@ -8,7 +8,6 @@ use serde::de::Visitor;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::{broadcast, watch};
 
-/// The most parameters of one behaviour.
 const MAX_PARAMS: usize = 64;
 /// The most letters of each text, and the most choices of one parameter.
 const LONGEST: usize = 200;
@@ -118,7 +117,6 @@ pub struct ParamBoard {
     changes: broadcast::Sender<ParamChange>,
 }
 
-/// The parameters of each behaviour, by its name.
 pub type DeclaredParams = BTreeMap<String, Vec<DeclaredParam>>;
 
 impl Default for ParamBoard {
@@ -156,7 +154,6 @@ impl ParamBoard {
         let _ = self.changes.send(change);
     }
 
-    /// The changes from now on.
     pub fn changes(&self) -> broadcast::Receiver<ParamChange> {
         self.changes.subscribe()
     }

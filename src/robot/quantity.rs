@@ -23,16 +23,10 @@ impl Percent {
         }
     }
 
-    /// `percent`, limited to 100.
     pub const fn saturating(percent: u8) -> Percent {
-        if percent <= 100 {
-            Percent(percent)
-        } else {
-            Percent(100)
-        }
+        Percent(if percent <= 100 { percent } else { 100 })
     }
 
-    /// 0..=100.
     pub const fn get(self) -> u8 {
         self.0
     }
@@ -49,7 +43,6 @@ impl fmt::Display for Percent {
 pub struct TrackPower(i8);
 
 impl TrackPower {
-    /// At rest.
     pub const STOP: TrackPower = TrackPower(0);
     /// The largest power that is ever sent, in the wire's units.
     pub const MAX: i8 = 90;
@@ -67,7 +60,6 @@ impl TrackPower {
         inside.then(|| TrackPower((percent * f64::from(Self::MAX) / 100.0).round() as i8))
     }
 
-    /// -90..=90.
     pub fn get(self) -> i8 {
         self.0
     }
@@ -79,12 +71,10 @@ impl TrackPower {
 pub struct Seconds(#[schemars(with = "f64", range(min = 0.05, max = 86_400))] Duration);
 
 impl Seconds {
-    /// From whole seconds.
     pub const fn from_secs(seconds: u64) -> Seconds {
         Seconds(Duration::from_secs(seconds))
     }
 
-    /// From milliseconds.
     pub const fn from_millis(milliseconds: u64) -> Seconds {
         Seconds(Duration::from_millis(milliseconds))
     }
@@ -95,7 +85,6 @@ impl Seconds {
         inside.then(|| Seconds(Duration::from_secs_f64(seconds)))
     }
 
-    /// As a duration.
     pub const fn get(self) -> Duration {
         self.0
     }

@@ -50,9 +50,7 @@ pub enum Fact {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Act {
     Send(Command),
-    /// Send an event to one behaviour.
     Tell(BehaviourId, Event),
-    /// Send an event to all behaviours.
     Announce(Event),
     /// End a behaviour's host with SIGKILL, after the batch's commands have been sent.
     Kill(BehaviourId, EndReason),
@@ -61,7 +59,6 @@ pub enum Act {
 }
 
 impl Act {
-    /// The command, if this act sends one.
     pub fn command(&self) -> Option<Command> {
         match self {
             Act::Send(command) => Some(command.clone()),
@@ -86,7 +83,6 @@ pub enum LastWords {
 }
 
 impl LastWords {
-    /// The commands, to be sent in one write.
     pub fn commands(self) -> Vec<Command> {
         match self {
             LastWords::Stop => vec![

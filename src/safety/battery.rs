@@ -17,7 +17,6 @@ use super::debounce::{Debounce, DebounceRule, DebouncedFlag, FASTEST_CHARGE};
 use crate::robot::Percent;
 use crate::wire::Power;
 
-/// Why the battery counts as low.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LowCause {
     /// A report at or below the low level.
@@ -64,7 +63,6 @@ pub struct BatteryMonitor {
     low: Percent,
     ok: Percent,
     silence: Duration,
-    /// The last level that was believed.
     level: Option<(Percent, Instant)>,
     /// When the last report with a level came.
     told: Option<Instant>,
@@ -273,7 +271,6 @@ impl BatteryMonitor {
         self.level.map(|(level, _)| level)
     }
 
-    /// Whether the robot has reported anything of its battery.
     pub fn has_report(&self) -> bool {
         self.reported.is_some()
     }

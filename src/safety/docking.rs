@@ -86,7 +86,6 @@ pub struct Docking {
     /// [`Homing`](super::Homing) decides what follows.
     goes_home: bool,
     started: Instant,
-    /// When the last search began.
     searched_at: Instant,
     attempts: u32,
     phase: DockingPhase,
@@ -171,7 +170,6 @@ impl Docking {
         self.stop_between_attempts()
     }
 
-    /// Whether the robot searches on its own.
     pub fn is_searching(&self) -> bool {
         matches!(self.phase, DockingPhase::Searching { .. })
     }
@@ -215,7 +213,6 @@ impl Docking {
         time
     }
 
-    /// The behaviour that the tracks are granted to now.
     pub fn grantee(&self) -> Option<BehaviourId> {
         match &self.phase {
             DockingPhase::Granted(grant) => Some(grant.grantee()),
@@ -223,7 +220,6 @@ impl Docking {
         }
     }
 
-    /// Notes whether the grantee has a motion now.
     pub fn note_motion(&mut self, moves: bool, now: Instant) {
         if let DockingPhase::Granted(grant) = &mut self.phase {
             grant.record(moves, now);
@@ -259,7 +255,6 @@ impl Docking {
         }
     }
 
-    /// The outcome, once the docking has ended.
     pub fn outcome(&self) -> Option<DockOutcome> {
         match self.phase {
             DockingPhase::Over(outcome) => Some(outcome),

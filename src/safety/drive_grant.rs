@@ -42,12 +42,10 @@ impl DriveGrant {
         }
     }
 
-    /// The behaviour that the tracks are granted to.
     pub fn grantee(&self) -> BehaviourId {
         self.by
     }
 
-    /// Whether any motion was requested.
     pub fn used(&self) -> bool {
         self.used
     }

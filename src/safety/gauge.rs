@@ -57,7 +57,6 @@ struct Sag {
 pub struct PowerGauge {
     meaning: PowerMeaning,
     phase: Option<Phase>,
-    /// The last level at rest.
     at_rest: Option<f64>,
     /// The lowest level of the motions since.
     sag: Option<Sag>,
@@ -122,7 +121,6 @@ impl PowerGauge {
         }
     }
 
-    /// Whether the number is taken for a voltage.
     pub fn is_voltage(&self) -> bool {
         self.meaning == PowerMeaning::Voltage
     }

@@ -33,7 +33,6 @@ pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alar
 pub enum HomingStep {
     /// A search: now ([`Homing::poll`]), or within a moment ([`Homing::search_failed`]).
     Search,
-    /// A grant of the tracks.
     DriveGrant {
         by: BehaviourId,
         /// How long it may drive.
@@ -81,7 +80,6 @@ struct Alarm {
 #[derive(Debug, Clone)]
 pub struct Homing {
     began: Instant,
-    /// The shortest grant.
     grant_time: Duration,
     /// How long the robot stands after a search where neither a grant nor a blind move is allowed.
     pause: Duration,
@@ -231,14 +229,12 @@ impl Homing {
         self.phase = HomingPhase::Waiting { until: now };
     }
 
-    /// Notes whether the grantee has a motion now.
     pub fn note_motion(&mut self, moves: bool, now: Instant) {
         if let HomingPhase::Granted(grant) = &mut self.phase {
             grant.record(moves, now);
         }
     }
 
-    /// The behaviour that the tracks are granted to now.
     pub fn grantee(&self) -> Option<BehaviourId> {
         match &self.phase {
             HomingPhase::Granted(grant) => Some(grant.grantee()),
@@ -280,7 +276,6 @@ impl Homing {
         });
     }
 
-    /// Whether the alarm calls for a person.
     pub fn is_alarming(&self) -> bool {
         self.alarm.is_some()
     }

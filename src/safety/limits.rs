@@ -95,21 +95,18 @@ impl Default for Limits {
 /// Why values in [`Limits`] are refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
-    /// The levels of the battery are not in order.
     #[error("watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})")]
     Levels {
         critical: Percent,
         low: Percent,
         ok: Percent,
     },
-    /// A rescue that is neither a known keyword nor a script.
     #[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
     Rescue(String),
 }
 
 impl Limits {
     /// Checks the limits against each other.
-    /// Fails if not critical < low < ok.
     pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..

@@ -28,7 +28,6 @@ impl Tracks {
     pub const PER_SECOND: u32 = 50;
     const SPACING: Duration = Duration::from_millis(1000 / Tracks::PER_SECOND as u64);
 
-    /// Begins with the tracks at rest.
     pub fn new(now: Instant) -> Tracks {
         let stop = Setpoint::STOP;
         Tracks {
@@ -57,7 +56,6 @@ impl Tracks {
         self.record(Setpoint::STOP, now);
     }
 
-    /// The setpoint to send now, if one is due.
     pub fn poll(&mut self, now: Instant) -> Option<Setpoint> {
         if self.next_deadline().is_none_or(|due| due > now) {
             return None;
@@ -76,7 +74,6 @@ impl Tracks {
         }
     }
 
-    /// The last setpoint sent to the robot.
     pub fn last_sent(&self) -> Setpoint {
         self.last_sent
     }

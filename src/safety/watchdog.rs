@@ -41,7 +41,6 @@ struct Leaving {
     until: Instant,
 }
 
-/// A docking that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DockReport {
     /// The behaviour that asked for it first; `None` for the watchdog's own docking.

@@ -306,7 +306,6 @@ fn allow(
 /// itself by the policy, and our end of the socket that is its standard input. The process has an
 /// empty environment (except for one setting of the C library) and inherits no other descriptors.
 /// Logs once per process which restrictions the kernel does not support.
-/// Fails if the system cannot create the socket pair.
 pub fn command(
     executable: &Path,
     hidden: &[&str],

@@ -37,7 +37,6 @@ pub struct Worker {
 pub enum WorkerError {
     #[error("it did not finish within {} s and was stopped", .0.as_secs_f64())]
     TimedOut(Duration),
-    /// The caller no longer wants the answer.
     #[error("interrupted")]
     Cancelled,
     /// It ended unexpectedly or could not be started; holds the reason as text.
@@ -76,7 +75,6 @@ impl Drop for Process {
 
 impl Worker {
     /// A worker that starts the running executable.
-    /// Fails if the system does not report the executable's path.
     pub fn of_this_executable(kind: &'static str) -> io::Result<Worker> {
         let executable = std::env::current_exe()?;
         Ok(Worker { executable, kind })

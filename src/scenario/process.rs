@@ -57,7 +57,6 @@ struct RunParameters {
 impl ScenarioProcess {
     /// Uses processes of the running executable, which must be `spykee`. `timeout` limits each
     /// run, in real time.
-    /// Fails if the path of the executable cannot be determined.
     pub fn new(timeout: Duration) -> io::Result<ScenarioProcess> {
         let worker = Worker::of_this_executable(SCENARIO_PROCESS)?;
         Ok(ScenarioProcess { worker, timeout })
@@ -88,7 +87,6 @@ impl ScenarioProcess {
 
     /// Like [`ScenarioFile::run`], in a confined process; `None` if it was cancelled by
     /// [`RunSettings::stop`].
-    /// Fails if the system cannot create the behaviours' data folder.
     pub fn run(
         &self,
         scenario_file: &ScenarioFile,

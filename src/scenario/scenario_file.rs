@@ -37,12 +37,9 @@ pub struct ScenarioFile {
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
-    /// Unique in its file.
     pub name: String,
     pub options: Options,
-    /// The line of its declaration, from 1.
     pub line: u32,
-    /// Its index in the file, from 0.
     pub(super) index: usize,
 }
 
@@ -129,7 +126,7 @@ impl ScenarioFile {
         let stem = self.file.file_stem()?.to_str()?;
         let name = format!("{}.lua", stem.strip_suffix("_test")?);
         let file = self.folder()?.join(name);
-        file.is_file().then_some(file)
+        Some(file).filter(|file| file.is_file())
     }
 
     pub(super) fn line(&self, number: u32) -> Option<String> {

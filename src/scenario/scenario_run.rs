@@ -110,7 +110,6 @@ impl RunSettings {
 
 impl ScenarioFile {
     /// Runs a scenario of this file with a seed. Blocks until it is over.
-    /// Fails if the system cannot create a thread or the behaviours' data folder.
     pub fn run(
         &self,
         scenario: &Scenario,

@@ -7,7 +7,6 @@ use tokio::time::Instant;
 /// Least time between two log lines about damaged frames.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// The damaged frames so far.
 #[derive(Debug, Default)]
 pub(super) struct Damage {
     count: u64,

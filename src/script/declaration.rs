@@ -125,6 +125,6 @@ impl GivenParam {
             }
             _ => self.value.clone(),
         };
-        declared.allows(&value).then_some(value)
+        Some(value).filter(|value| declared.allows(value))
     }
 }

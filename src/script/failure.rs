@@ -37,7 +37,6 @@ pub(super) fn is_runtime_frame(source: &str) -> bool {
 /// Why a file cannot be run at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 pub enum Failure {
-    /// The file is larger than [`super::MAX_SOURCE`].
     #[error("{chunk}: the file has {bytes} bytes; a script may have 262144 (256 KiB)")]
     TooLarge { chunk: String, bytes: usize },
     #[error("{chunk}:{line}: this is not UTF-8 text; save the file as UTF-8")]
@@ -46,7 +45,6 @@ pub enum Failure {
         /// The line of the first wrong byte.
         line: usize,
     },
-    /// The file contains a control character: it is compiled code, or damaged.
     #[error(
         "{chunk}:{line}: control character {byte:#04x}; a script is plain text, compiled code is not accepted"
     )]

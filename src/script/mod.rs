@@ -229,7 +229,7 @@ impl Script {
 
     /// Whether the store has changed since its file was last taken.
     pub fn has_store_changed(&self) -> bool {
-        self.state.borrow().store.has_changed()
+        self.state.borrow().store.changed
     }
 
     /// Returns the content of the store's file, at most 1 MiB, if it has changed since it was last

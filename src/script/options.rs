@@ -21,7 +21,6 @@ pub struct Options {
     pub name: String,
     /// The file as messages show it, such as `behaviours/patrol.lua`.
     pub chunk: String,
-    /// Seeds `math.random`.
     pub seed: u64,
     /// The resources that it may use.
     pub limits: Limits,
@@ -224,7 +223,6 @@ pub struct ScenarioCall<'a> {
     pub name: &'a str,
     /// As plain data.
     pub arguments: &'a [Value],
-    /// The line of the script.
     pub location: Option<&'a SourceLocation>,
 }
 

@@ -74,16 +74,11 @@ pub enum Evaluated {
     Cancelled,
 }
 
-/// The level of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Level {
-    /// `log.debug`
     Debug,
-    /// `log.info` and `print`
     Info,
-    /// `log.warn`
     Warn,
-    /// `log.error`
     Error,
 }
 
@@ -95,7 +90,6 @@ pub struct LogLine {
     pub text: String,
     /// Further values, by name.
     pub fields: Vec<(String, String)>,
-    /// The line of the script that wrote it.
     pub line: Option<u32>,
 }
 

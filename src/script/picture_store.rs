@@ -125,7 +125,7 @@ impl PictureStore {
         if !self.day.take(heavy, now) {
             let why = format!(
                 "the limit of {} bytes of pictures a day is used up",
-                self.day.per_day()
+                self.day.per_day
             );
             return Err(self.refuse("day", &why, now));
         }

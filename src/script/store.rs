@@ -16,7 +16,7 @@ const FILE_OVERHEAD: usize = 4;
 pub(super) struct Store {
     values: BTreeMap<String, Box<RawValue>>,
     bytes: usize,
-    changed: bool,
+    pub(super) changed: bool,
 }
 
 impl Store {
@@ -68,10 +68,6 @@ impl Store {
 
     pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
         self.values.keys().map(String::as_str)
-    }
-
-    pub(super) fn has_changed(&self) -> bool {
-        self.changed
     }
 
     /// Returns the new content of the file, if it has changed since the last call.

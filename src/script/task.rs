@@ -365,7 +365,6 @@ impl Tasks {
         self.enqueue(id, now);
     }
 
-    /// Wakes a task at this time.
     pub(super) fn wake_at(&mut self, id: TaskId, answer: Wakeup, at: Instant) {
         if let Some(task) = self.all.get_mut(&id) {
             task.phase = TaskPhase::Ready(answer);

@@ -366,7 +366,7 @@ impl Executor {
                 }
             }
             OrderResult::Home(ended) => {
-                if !self.idle.is_docking() {
+                if !self.idle.docking {
                     return;
                 }
                 self.docking_task = None;
@@ -386,7 +386,7 @@ impl Executor {
         }
         let can_start = |run: &str| {
             let spec = service_plan.specs.iter().find(|one| one.name() == run);
-            spec.is_some_and(|spec| spec.problem().is_none())
+            spec.is_some_and(|spec| spec.problem.is_none())
         };
         for run in self.running.clone() {
             let before = self.service_plan.fingerprints.get(&run);

@@ -38,7 +38,7 @@ pub(super) struct IdleRobot {
     policy: Service,
     /// Since when nothing has driven and the robot is connected.
     since: Option<Instant>,
-    docking: bool,
+    pub(super) docking: bool,
     /// Whether it was on its station at the last poll.
     docked: bool,
     backoff: Backoff,
@@ -62,10 +62,6 @@ impl IdleRobot {
 
     pub(super) fn replace(&mut self, policy: Service) {
         self.policy = policy;
-    }
-
-    pub(super) fn is_docking(&self) -> bool {
-        self.docking
     }
 
     pub(super) fn docked(&mut self, done: bool, now: Instant) {
@@ -124,13 +120,10 @@ impl IdleRobot {
         if now < since + self.policy.idle_after.get() || self.docking || status.low {
             return None;
         }
-        if status.docked {
-            if !release || activity == Activity::Watched {
-                return None;
-            }
+        if status.docked && release && activity != Activity::Watched {
             return self.request_once(status.link, LinkState::Up, IdleAction::Release);
         }
-        if !self.policy.dock || self.next.is_some_and(|next| now < next) {
+        if status.docked || !self.policy.dock || self.next.is_some_and(|next| now < next) {
             return None;
         }
         self.docking = true;

@@ -73,7 +73,6 @@ pub struct Service {
     /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
     pub reloads: mpsc::Receiver<ServicePlan>,
-    /// What people change of the timetable.
     pub changes: mpsc::Receiver<TimetableOrder>,
 }
 
@@ -109,7 +108,6 @@ pub struct Credential {
 }
 
 impl Credential {
-    /// The robot's password.
     pub fn password(path: PathBuf) -> Credential {
         let name = PASSWORD_CREDENTIAL.to_owned();
         Credential { name, path }

@@ -268,7 +268,6 @@ fn connector(sim: Handle, login: Login) -> Connector {
     })
 }
 
-/// Options of a simulation.
 #[derive(Default)]
 pub struct Options {
     /// Seed of the simulator's noise and of the link's pauses; behaviours have their own seeds.
@@ -284,7 +283,6 @@ pub struct Options {
     pub stop: CancellationToken,
     /// Wall-clock time at the start; 2026-01-01 09:00 UTC if `None`.
     pub date: Option<jiff::Timestamp>,
-    /// Receives all events.
     pub events: Option<Recorder>,
     /// Slows the virtual clock down for viewers. A run with a sim_clock continues after its
     /// behaviours have ended. Without it, virtual time jumps ahead whenever all tasks wait.

@@ -34,7 +34,6 @@ pub struct PlannerInputs<'a> {
     pub running: &'a [String],
 }
 
-/// A start that is due.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Due {
     pub run: String,

@@ -361,7 +361,6 @@ fn scale(width: u32) -> f64 {
     f64::from(width) / f64::from(REFERENCE.width)
 }
 
-/// The middle of a picture.
 fn middle(size: Size) -> (f64, f64) {
     let half = |length: u32| f64::from(length) / 2.0 - 0.5;
     (half(size.width), half(size.height))

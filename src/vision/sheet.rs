@@ -5,6 +5,7 @@ use image::imageops::interpolate_bilinear;
 use image::{GrayImage, Luma};
 use imageproc::contours::{BorderType, Contour, find_contours_with_threshold};
 use imageproc::geometry::{contour_area, convex_hull};
+use imageproc::point::Point as ContourPoint;
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use thiserror::Error;
 
@@ -273,16 +274,13 @@ fn four_corners(
     {
         return Err(SheetError::NoSheet);
     }
-    let is_cut = hull
-        .iter()
-        .any(|point| point.x == 0 || point.y == 0 || point.x + 1 == width || point.y + 1 == height);
-    if is_cut {
+    let is_cut =
+        |at: &ContourPoint<i32>| at.x == 0 || at.y == 0 || at.x + 1 == width || at.y + 1 == height;
+    if hull.iter().any(is_cut) {
         return Err(SheetError::NoSheet);
     }
-    let points = hull
-        .iter()
-        .map(|point| Point::new(point.x.into(), point.y.into()));
-    let hull: Vec<Point> = points.collect();
+    let point = |at: &ContourPoint<i32>| Point::new(at.x.into(), at.y.into());
+    let hull: Vec<Point> = hull.iter().map(point).collect();
     let mut best = [hull[0]; 4];
     let mut largest = 0.0;
     for first in 0..hull.len() {
@@ -399,10 +397,8 @@ impl Outline {
                 }
             }
         }
-        let (fitting, unknowns) = best.ok_or(SheetError::OtherShape)?;
-        if fitting.squares(&unknowns) > MAX_SQUARES {
-            return Err(SheetError::OtherShape);
-        }
+        let fits = best.filter(|(fitting, found)| fitting.squares(found) <= MAX_SQUARES);
+        let (fitting, unknowns) = fits.ok_or(SheetError::OtherShape)?;
         let camera = fitting.camera_at(&unknowns);
         if !is_plausible(&camera) {
             return Err(SheetError::NotFlat);

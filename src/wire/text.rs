@@ -43,7 +43,7 @@ impl std::fmt::Debug for Setting {
 }
 
 /// One wireless network that the robot sees.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Network {
     /// Its name; may be empty or contain colons.
     pub essid: String,

@@ -99,12 +99,6 @@ impl Workspace {
     }
 }
 
-fn fixture(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/fixtures")
-        .join(name)
-}
-
 #[test]
 fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
     let workspace = Workspace::new();
@@ -236,22 +230,6 @@ fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed()
     }
     let (_, out, _) = workspace.spykee("colour find text.jpg --colour red --json");
     assert_eq!(out, "[]\n");
-}
-
-#[test]
-fn every_kind_of_jpeg_is_read() {
-    let workspace = Workspace::new();
-    for kind in ["ball-422.jpg", "ball-420.jpg", "ball-restart.jpg"] {
-        let path = fixture(kind);
-        let found = workspace.json(&format!(
-            "colour find {} --colour red --json",
-            path.display()
-        ));
-        assert_eq!(found[0]["blobs"][0]["colour"], "red", "{kind}");
-    }
-    let grey = fixture("ball-grey.jpg");
-    let table = workspace.done(&format!("colour find {} --colour red", grey.display()));
-    assert_contains(&table, &["none"]);
 }
 
 fn png(path: &Path) -> image::RgbImage {

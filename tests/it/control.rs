@@ -335,6 +335,10 @@ async fn a_simulated_run_accepts_requests_and_two_runs_must_be_told_apart() {
     first.says("connected").await;
     let text = succeed(&home, &["robot", "battery"]).await;
     assert_contains(&text, &["90 %"]);
+    // Also if the config names a robot that it does not use.
+    home.file("other.yaml", "robot: 192.0.2.1");
+    let text = succeed(&home, &["behaviour", "list", "--config", "other.yaml"]).await;
+    assert_contains(&text, &["script", "running"]);
     let second = home.spykee(&["run", "script.lua", "--robot", &home.address]);
     second.says("connected").await;
     let (code, text) = run_spykee(&home, &["robot", "battery"]).await;

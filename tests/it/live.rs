@@ -806,43 +806,6 @@ async fn the_number_of_viewers_is_limited_and_one_that_never_reads_is_disconnect
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn invalid_messages_end_only_their_own_connection() {
-    let rig = Rig::quiet().await;
-    let (run, at) = live(&rig, "robot.move(30, 30) task.wait(600)", &[]).await;
-    rig.heard_motion(0).await;
-    let from = rig.sim.heard_count();
-    let mut good = open(&at).await;
-    for (head, payload) in [
-        (0x82, vec![0; 100]),
-        (0x81, vec![b'x'; 100_000]),
-        (0x81, vec![0xff; 10]),
-        (0xf1, b"{}".to_vec()),
-    ] {
-        let mut bad = Page::open(&at, "").await.unwrap();
-        bad.frame(head, &payload).await;
-        bad.closed().await;
-    }
-    let mut flood = Page::open(&at, "").await.unwrap();
-    for _ in 0..1000 {
-        flood.send_text("{\"type\":\"frame_shown\"}").await;
-    }
-    flood.closed().await;
-    let mut odd = Page::open(&at, "").await.unwrap();
-    odd.send_text("{\"type\":\"drive\"}").await;
-    odd.until("notice", |notice| notice["key"] == "nonsense")
-        .await;
-    for bytes in [
-        &b"\0\0\0\0"[..],
-        b"GET / HTTP/1.1\r\n",
-        b"POST /api/stop HTTP/9.9\r\n\r\n",
-    ] {
-        browser::send(&at, bytes).await;
-    }
-    good.until("state", |state| state["tracks"][0] == 30).await;
-    rig.drives_on(&run, from).await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn the_book_is_served_where_it_is_built_and_no_path_leads_out_of_it() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;

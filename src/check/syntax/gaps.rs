@@ -1,6 +1,6 @@
 //! Rules for missing or superfluous elements: an `end`, a bracket, a value, a word.
 
-use super::super::diagnostic::Diagnostic;
+use super::super::diagnostic::{Diagnostic, in_quotes};
 use super::super::lexer::{KEYWORDS, Span, Token, TokenKind};
 use super::super::parser;
 use super::{ErrorSite, closing, word};
@@ -300,9 +300,9 @@ impl ErrorSite<'_> {
                 .of(self.source.text)
                 .starts_with(char::is_alphabetic)
         {
-            "if this is a text, write it in quotes: \"...\""
+            in_quotes("...")
         } else {
-            ""
+            String::new()
         };
         Some(self.error(location, message).help(help))
     }

@@ -119,23 +119,18 @@ impl<'a> Walk<'a> {
         let ValueKind::Number(Some(number)) = self.kinds.kind_of(first) else {
             return;
         };
+        let minutes = number / 60.0;
         let (message, help) = match function.path {
             "robot.drive" if number.abs() > MAX_SPEED => (
                 format!("robot.drive takes metres per second: no robot drives {number} m/s"),
                 "for the power of the tracks in percent, write robot.move(left, right)".to_owned(),
             ),
             path @ ("task.wait" | "easy.wait") if number >= 500.0 && number % 500.0 == 0.0 => (
-                format!(
-                    "{path} takes seconds: {number} are {:.0} minutes",
-                    number / 60.0
-                ),
+                format!("{path} takes seconds: {number} are {minutes:.0} minutes"),
                 format!("for milliseconds, write {path}({})", number / 1000.0),
             ),
             "robot.move" if number >= 500.0 && number % 100.0 == 0.0 => (
-                format!(
-                    "robot.move takes seconds: {number} are {:.0} minutes",
-                    number / 60.0
-                ),
+                format!("robot.move takes seconds: {number} are {minutes:.0} minutes"),
                 format!("for milliseconds, write {}", number / 1000.0),
             ),
             "easy.forward" | "easy.back" if number == 0.0 => {
@@ -486,7 +481,6 @@ impl<'a> Walk<'a> {
         self.wrong(passed, &wanted, &number.to_string());
     }
 
-    /// Reports a value of the wrong kind, if its kind is known.
     fn wrong_kind(&mut self, passed: Passed<'a>, kind: ValueKind<'a>) {
         let got = match passed.argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
@@ -497,7 +491,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reports a name that is none of the known ones.
     fn known(&mut self, call: &str, what: &str, name: &str, known: &[&str], span: Span) {
         if known.contains(&name) {
             return;

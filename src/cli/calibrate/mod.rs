@@ -36,9 +36,7 @@ const SIM_LONG: u64 = 1800;
 const SIM_TURN: u64 = 1500;
 /// Time until the tracks have reached their speed, and until they have stopped again.
 const RAMP: Duration = Duration::from_millis(500);
-/// Timeout for leaving the station.
 const LEAVING: Duration = Duration::from_secs(20);
-/// Maximum length of an answer, bytes.
 const MAX_ANSWER: u64 = 256;
 
 const WELCOME: &str = "\

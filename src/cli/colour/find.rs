@@ -79,7 +79,6 @@ struct Search<'a> {
     colours: Vec<Colour>,
     options: BlobOptions,
     analyser: FrameAnalyser,
-    /// The files for the marked copies.
     marked: Option<Vec<PathBuf>>,
 }
 

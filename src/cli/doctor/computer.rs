@@ -69,7 +69,6 @@ fn space_result(folder: &str, mebibytes: u64) -> CheckResult {
     }
 }
 
-/// Checks the kernel's support for Landlock.
 pub(super) fn landlock() -> CheckResult {
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
     landlock_result(Landlock::of_this_kernel(), release.trim())

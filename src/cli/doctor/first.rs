@@ -119,11 +119,8 @@ impl Walk {
     }
 }
 
-/// Walks a person through everything that can be found out, and writes the config.
-///
-/// # Errors
-/// A robot that cannot be reached or may not drive, or a person who does not answer. What was found
-/// out until then is printed.
+/// Walks a person through everything that can be found out, and writes the config. After an error, what
+/// was found out until then is printed.
 pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit, Failure> {
     let seed = rand::random();
     let robot = args.connection.resolve(settings, seed)?;

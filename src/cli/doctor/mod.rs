@@ -101,11 +101,6 @@ impl CheckResult {
     }
 }
 
-/// Runs all checks and prints a line for each.
-///
-/// # Errors
-/// No runtime, a login or world that cannot be used, an interruption, or a stdout that cannot be
-/// written to. A failed check is not an error but sets the exit code.
 pub(super) fn run(
     args: &DoctorArgs,
     settings: &CommandSettings,

@@ -19,9 +19,7 @@ use crate::sim;
 use crate::vision::{Camera, Decoder, Paper, pose_from_sheets, validate_markers};
 use crate::wire::{Command, Report};
 
-/// Time to listen for replies to discovery.
 const DISCOVERY_PERIOD: Duration = Duration::from_secs(1);
-/// Time to count frames.
 const VIDEO_PERIOD: Duration = Duration::from_secs(3);
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.

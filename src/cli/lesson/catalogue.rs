@@ -3,7 +3,6 @@
 /// One lesson. Its texts are those of its folder in `behaviours/lessons/`.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Lesson {
-    /// The number, from 1.
     pub(super) number: usize,
     /// Its folder in `behaviours/lessons/`, such as `03-moving`.
     pub(super) folder: &'static str,

@@ -170,7 +170,6 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     })
 }
 
-/// The lesson that a script names.
 fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
     match Lesson::of_script(&String::from_utf8_lossy(source)) {
         Some(Ok(lesson)) => Ok(lesson),

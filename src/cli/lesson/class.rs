@@ -16,7 +16,6 @@ const TWICE: &str = "handed in twice, under the same name";
 /// Each learner's script, or why there is none, by name.
 pub(super) type Scripts = BTreeMap<String, Result<PathBuf, String>>;
 
-/// What was handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct HandedIn {
     /// Those in the folder, and those on the list who are not in it.
@@ -186,17 +185,17 @@ fn with_names_alike(text: &str) -> String {
     let mut declared = BTreeSet::new();
     let mut declares = false;
     for piece in &words {
-        let name = word(piece);
-        if matches!(&name[..], "local" | "for" | "function") {
-            declares = true;
-        } else if declares && !name.is_empty() {
-            declares = name != "in" && !piece.ends_with(['=', '\n', ')']);
-            declared.insert(name);
-        } else {
-            declares &= !piece.ends_with(['=', '\n', ')']);
+        match &word(piece)[..] {
+            "local" | "for" | "function" => declares = true,
+            "in" => declares = false,
+            name => {
+                if declares && !name.is_empty() {
+                    declared.insert(name.to_owned());
+                }
+                declares &= !piece.ends_with(['=', '\n', ')']);
+            }
         }
     }
-    declared.remove("in");
     let alike = |piece: &&str| match word(piece) {
         name if declared.contains(&name) => format!("v{}", &piece[name.len()..]),
         _ => (*piece).to_owned(),

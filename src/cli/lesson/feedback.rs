@@ -95,19 +95,14 @@ impl Feedback<'_> {
     /// What is missing, in one sentence.
     pub(super) fn sentence(&self) -> String {
         let marks = self.marks;
-        let mistake = marks.diagnostics.first().filter(|_| marks.cannot_run);
-        let mistake = mistake.map(|found| format!("Line {}: {}", found.line, found.message));
-        let error = || {
-            marks
-                .script_error()
-                .and_then(|error| error.lines().next())
-                .map(str::to_owned)
-        };
-        let missing = || marks.marks.iter().find_map(Mark::failure).map(sentence);
-        mistake
-            .or_else(error)
-            .or_else(missing)
-            .unwrap_or_else(|| "Well done!".to_owned())
+        if let (true, Some(found)) = (marks.cannot_run, marks.diagnostics.first()) {
+            format!("Line {}: {}", found.line, found.message)
+        } else if let Some(error) = marks.script_error().and_then(|error| error.lines().next()) {
+            error.to_owned()
+        } else {
+            let missing = marks.marks.iter().find_map(Mark::failure).map(sentence);
+            missing.unwrap_or_else(|| "Well done!".to_owned())
+        }
     }
 
     pub(super) fn json(&self) -> Value {

@@ -10,7 +10,7 @@ use super::catalogue::Lesson;
 use super::check::{Marks, TryArgs, marks_of, read};
 use super::class::{Pair, handed_in, pairs};
 use super::feedback::sentence;
-use super::{Console, Exit, Failure, aligned, parse_lesson, print};
+use super::{Console, Exit, Failure, aligned, or_dash, parse_lesson, print};
 use crate::cli::class;
 use crate::sanitize::csv_cell;
 
@@ -171,10 +171,7 @@ fn missing(marks: &Marks) -> Vec<String> {
 impl Class {
     fn text(&self) -> String {
         let row = |one: &Graded| {
-            let points = match one.file {
-                Some(_) => one.points.to_string(),
-                None => "-".to_owned(),
-            };
+            let points = or_dash(one.file.as_ref().map(|_| one.points));
             vec![one.name.clone(), points, one.missing.join(" ")]
         };
         let number = self.lesson.number;
@@ -184,12 +181,8 @@ impl Class {
             "NAME|>POINTS|WHAT IS MISSING",
             self.learners.iter().map(row),
         );
-        let absent: Vec<&str> = self
-            .learners
-            .iter()
-            .filter(|one| one.file.is_none())
-            .map(|one| one.name.as_str())
-            .collect();
+        let absent = self.learners.iter().filter(|one| one.file.is_none());
+        let absent: Vec<&str> = absent.map(|one| one.name.as_str()).collect();
         if !absent.is_empty() {
             text += &format!("\nNo script to check from: {}\n", absent.join(", "));
         }
@@ -234,10 +227,8 @@ impl Class {
             (other, one) if one == location => Some(other),
             _ => None,
         };
-        let places = self.alike.iter().filter_map(other);
-        places
-            .map(|location| self.learners[location].name.as_str())
-            .collect()
+        let others = self.alike.iter().filter_map(other);
+        others.map(|at| self.learners[at].name.as_str()).collect()
     }
 
     fn json(&self) -> Value {

@@ -35,7 +35,6 @@ Global variables stay until the session ends; a `local` one ends with its line.
   :help       show this text
   :quit       end the session";
 
-/// A message from the prompt.
 #[derive(Debug)]
 pub(super) enum Typed {
     /// All output is written and the prompt is about to be shown.
@@ -49,7 +48,6 @@ pub(super) enum Typed {
     End,
 }
 
-/// A message to the prompt.
 #[derive(Debug)]
 pub(super) enum EditorCommand {
     Print(String),
@@ -289,8 +287,8 @@ impl<P: ExternalPrinter> Write for AbovePrompt<P> {
 /// `None` without a home.
 fn history_path() -> Option<PathBuf> {
     let folder = |name| {
-        let path = PathBuf::from(std::env::var_os(name)?);
-        path.is_absolute().then_some(path)
+        let path = std::env::var_os(name).map(PathBuf::from);
+        path.filter(|path| path.is_absolute())
     };
     let state = folder("XDG_STATE_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".local").join("state")))?;

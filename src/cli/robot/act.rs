@@ -104,7 +104,6 @@ fn send_command(
 
 /// Maximum size of a file: the samples, and room for the chunks before them.
 const MAX_FILE: u64 = MAX_SPEECH as u64 + 64 * 1024;
-/// Bytes of samples.
 const BYTES_PER_SECOND: f64 = 32_000.0;
 /// Timeout beyond the playing time.
 const SLACK: Duration = Duration::from_secs(10);

@@ -8,6 +8,7 @@ use super::session::{with_exclusive_session, with_session};
 use crate::cli::running::SharedTargetArgs;
 use crate::cli::runs::describe;
 use crate::cli::settings::CommandSettings;
+use crate::cli::table::or_dash;
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::clock;
 use crate::robot::{Battery, RobotInfo};
@@ -82,7 +83,7 @@ fn show_info(
             robot.name,
             robot.firmware,
             robot.address,
-            battery.map_or_else(|| "-".to_owned(), describe),
+            or_dash(battery.map(describe)),
             if docked { "yes" } else { "no" },
         ))
     }
@@ -123,7 +124,7 @@ fn aged(battery: Battery, age: u64) -> String {
 
 fn never_connected() -> Failure {
     let what = "the active run has not reached its robot yet";
-    Failure::new(Exit::Unreachable, what).help("`spykee status` shows its state")
+    Failure::unreachable(what).help("`spykee status` shows its state")
 }
 
 pub(super) fn log(args: &LogArgs, settings: &CommandSettings) -> Result<Exit, Failure> {

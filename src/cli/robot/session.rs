@@ -23,9 +23,7 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(3);
 /// A text in several messages has no end mark: it is complete when no further message arrives for
 /// this long.
 const QUIET: Duration = Duration::from_millis(400);
-/// Maximum length of a text, bytes.
 const MAX_TEXT: usize = 1 << 20;
-/// Maximum number of messages of a text.
 const MAX_MESSAGES: usize = 1000;
 
 /// A session with the robot, which has been told to stop or to search for its station.
@@ -67,10 +65,7 @@ pub(super) fn with_session(
     })?
 }
 
-/// Like [`with_session`], for commands that a run cannot carry out.
-///
-/// # Errors
-/// As for [`with_session`], or a run uses the robot.
+/// Like [`with_session`], for commands that a run cannot carry out: refused while one uses the robot.
 pub(super) fn with_exclusive_session(
     connection: &ConnectionArgs,
     settings: &CommandSettings,
@@ -137,7 +132,7 @@ impl RobotSession {
                 let seconds = after.as_secs_f64();
                 let what =
                     format_args!("the robot has not confirmed the commands within {seconds:.1} s");
-                let failure = Failure::new(Exit::Unreachable, what);
+                let failure = Failure::unreachable(what);
                 Err(failure.help("is the robot still in reach of its Wi-Fi? try again"))
             }
             _ => Ok(()),
@@ -171,7 +166,6 @@ impl RobotSession {
         }
     }
 
-    /// Requests a text and returns its messages in order.
     pub(super) async fn messages(
         &mut self,
         ask: Command,
@@ -187,7 +181,7 @@ impl RobotSession {
         let Some(first) = self.receive(REPLY_TIMEOUT, pick).await? else {
             let seconds = REPLY_TIMEOUT.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
-            let failure = Failure::new(Exit::Unreachable, what);
+            let failure = Failure::unreachable(what);
             return Err(failure.help("the robot may send this only to the user admin"));
         };
         let mut length = first.len();
@@ -202,7 +196,6 @@ impl RobotSession {
         Ok(messages)
     }
 
-    /// Requests a text and joins its messages.
     pub(super) async fn text(&mut self, ask: Command, what: &str) -> Result<Bytes, Failure> {
         Ok(self.messages(ask, what).await?.concat().into())
     }

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::session::{RobotSession, with_exclusive_session};
 use crate::cli::settings::CommandSettings;
-use crate::cli::table::aligned;
+use crate::cli::table::{aligned, or_dash};
 use crate::cli::{ConnectionArgs, Exit, Failure, print, print_json};
 use crate::wire::{Command, Network, Setting, join_settings, parse_networks, parse_settings};
 
@@ -66,17 +66,10 @@ pub(super) fn wifi(args: &SettingArgs, used: &CommandSettings) -> Result<Exit, F
 
 fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<Exit, Failure> {
     if json {
-        let network = |network: &Network| {
-            json!({
-                "essid": network.essid, "encryption": network.encryption,
-                "strength": network.strength,
-            })
-        };
-        let networks: Vec<Value> = networks.iter().map(network).collect();
         return print_json(&json!({ "networks": networks, "settings": object(own) }));
     }
     let row = |network: &Network| {
-        let strength = network.strength.map_or("-".to_owned(), |s| s.to_string());
+        let strength = or_dash(network.strength);
         vec![network.essid.clone(), network.encryption.clone(), strength]
     };
     let networks = aligned("NETWORK|ENCRYPTION|>STRENGTH", networks.iter().map(row));
@@ -112,10 +105,8 @@ async fn change(
         return Err(Failure::usage(what).help(format!("it has {}", keys.join(", "))));
     }
     confirm(&session.link.accepted.uid, args, wanted)?;
-    let pairs: Vec<String> = wanted
-        .iter()
-        .map(|setting| format!("{}={}", setting.key, setting.value))
-        .collect();
+    let pair = |setting: &Setting| format!("{}={}", setting.key, setting.value);
+    let pairs: Vec<String> = wanted.iter().map(pair).collect();
     // `wanted` accepts only characters that fit into one byte.
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     let text = pairs.join("&").chars().map(byte).collect();

@@ -105,7 +105,6 @@ fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
     }
 }
 
-/// Looks for an intact frame.
 #[derive(Default)]
 struct Search {
     decoder: Decoder,
@@ -168,7 +167,6 @@ async fn next_picture(session: &mut RobotSession, limit: Duration) -> Result<Sho
     }
 }
 
-/// Switches the camera on or off.
 pub(in crate::cli) fn video(on: bool) -> Command {
     let stream = Stream::Video;
     Command::Stream { stream, on }
@@ -177,6 +175,5 @@ pub(in crate::cli) fn video(on: bool) -> Command {
 fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
     let seconds = limit.as_secs();
     let what = format!("no intact frame arrived within {seconds} s; damaged ones: {damaged}");
-    Failure::new(Exit::Unreachable, what)
-        .help("move the robot closer to this computer, or increase --timeout")
+    Failure::unreachable(what).help("move the robot closer to this computer, or increase --timeout")
 }

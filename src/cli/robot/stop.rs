@@ -28,7 +28,6 @@ use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::{AgentEvent, Battery, Bus, StopConfirmation, StopKept};
 use crate::wire::{Command, Engage};
 
-/// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(200);
 /// Longest wait until STOP is kept in the data folder.
 const KEEP_TIMEOUT: Duration = Duration::from_secs(2);
@@ -106,7 +105,7 @@ pub(super) fn stop(args: &StopArgs, settings: &CommandSettings) -> Result<Exit, 
     if unconfirmed.is_empty() {
         return Ok(Exit::Done);
     }
-    let failure = Failure::new(Exit::Unreachable, unconfirmed.join("; "));
+    let failure = Failure::unreachable(unconfirmed.join("; "));
     Err(failure.help(
         "is the robot still in reach of its Wi-Fi? a program that hangs can be ended with `kill \
          -KILL PROCESS`: its guardian then stops the robot",
@@ -116,13 +115,11 @@ pub(super) fn stop(args: &StopArgs, settings: &CommandSettings) -> Result<Exit, 
 /// What a run that was stopped has said of its robot.
 enum Told {
     Stopped,
-    /// With the reason.
     NotConfirmed(String),
     /// The run ends: stop the robot directly, once it accepts the login.
     Nothing,
 }
 
-/// Tells the person how a run has answered.
 fn tell(run: &StoppedRun) -> Result<Told, Failure> {
     let pid = run.pid;
     let (outcome, ends) = match &run.answer {
@@ -206,7 +203,6 @@ async fn keep_stop(config: &Config) -> StopKept {
     }
 }
 
-/// The journal of the data folder, if it has one.
 fn journal(config: &Config, bus: &Bus) -> Option<Journal> {
     JournalReader::open(config.data_folder()).ok().flatten()?;
     startup::journal(config, bus, "", false, Clock::default())
@@ -241,7 +237,7 @@ fn stop_directly(
                 }
                 Some(delivery) => {
                     let help = "is the robot still in reach of its Wi-Fi? try again";
-                    return Err(Failure::new(Exit::Unreachable, delivery).help(help));
+                    return Err(Failure::unreachable(delivery).help(help));
                 }
                 None => return Ok(Exit::Interrupted),
             }
@@ -250,7 +246,6 @@ fn stop_directly(
     })?
 }
 
-/// Presses STOP at a service on another computer.
 fn stop_service(service: &Client) -> Result<Exit, Failure> {
     let RunResponse::Stopped { outcome, .. } = ask(service, &RunRequest::Stop, REPLY_TIMEOUT)?
     else {
@@ -259,7 +254,7 @@ fn stop_service(service: &Client) -> Result<Exit, Failure> {
     warn_of(&outcome.kept);
     let words = outcome.confirmation;
     if words == StopConfirmation::NotConfirmed {
-        return Err(Failure::new(Exit::Unreachable, words));
+        return Err(Failure::unreachable(words));
     }
     print(&format!(
         "stopped: {words}; the robot does not move until it is released, at the page or with `spykee \
@@ -341,7 +336,6 @@ pub(super) fn reset_stop(
     Ok(Exit::Done)
 }
 
-/// The runs that are to be released.
 fn runs(data: &Path, connection: &ConnectionArgs) -> Result<Vec<Client>, Failure> {
     let (mut runs, silent) = block_on(control::runs(data))?;
     if silent > 0 {

@@ -116,7 +116,7 @@ async fn confirm(session: &mut RobotSession) -> Result<(), Failure> {
         return Ok(());
     }
     let what = "the whole file was sent, but the robot did not reply afterwards";
-    Err(Failure::new(Exit::Unreachable, what).help("play the sound to check whether it arrived"))
+    Err(Failure::unreachable(what).help("play the sound to check whether it arrived"))
 }
 
 fn report(args: &UploadArgs, bytes: usize) -> Result<Exit, Failure> {

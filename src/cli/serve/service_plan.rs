@@ -31,7 +31,6 @@ pub(super) struct PlanLoader {
     pub(super) clock: Clock,
     /// The camera of a simulated robot, instead of the config's.
     pub(super) camera: Option<Camera>,
-    /// Whether it runs in virtual time.
     pub(super) fast: bool,
 }
 

@@ -18,7 +18,6 @@ use crate::files::Folder;
 use crate::sanitize;
 use crate::scenario::{Failure, ScenarioFileError, Snapshot};
 
-/// The results of all runs.
 pub(super) struct Report<'a> {
     files: &'a [TestFile],
     runs: Vec<Run<'a>>,
@@ -27,7 +26,6 @@ pub(super) struct Report<'a> {
     pictures: PathBuf,
 }
 
-/// One scenario with one seed.
 struct Run<'a> {
     job: Job<'a>,
     outcome: Option<JobResult<'a>>,
@@ -117,7 +115,6 @@ impl<'a> Report<'a> {
         self.runs.iter().filter(|run| file.has(&run.job))
     }
 
-    /// The files whose scenarios cannot be run.
     fn broken(&self) -> impl Iterator<Item = (&TestFile, &ScenarioFileError)> {
         let files = self.files.iter();
         files.filter_map(|file| Some((file, file.scenario_file.as_ref().err()?)))

@@ -264,7 +264,6 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Adds the pixels `start..end` of row `y`.
     pub(crate) fn add_run(&mut self, start: u32, end: u32, y: u32) {
         // Sum of the squares below n.
         let squares = |n: u64| n * n.saturating_sub(1) * (2 * n).saturating_sub(1) / 6;

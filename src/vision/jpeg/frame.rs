@@ -85,7 +85,6 @@ pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     }
 }
 
-/// Reads the size from a start-of-frame segment.
 fn read_size(body: &[u8]) -> Result<Size, FrameError> {
     let &[bits, h1, h0, w1, w0, components, ..] = body else {
         return Err(FrameError::damaged("its size header is too short"));

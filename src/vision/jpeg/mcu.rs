@@ -266,7 +266,6 @@ pub(super) fn decode_block(
     }
 }
 
-/// Decodes the difference of a DC coefficient to the one before it.
 #[inline(always)]
 fn decode_difference(bits: &mut Bits<'_>, dc_table: &Table) -> Option<i32> {
     // Most blocks need fewer bits than this loads, so the branch in the next refill is predictable.

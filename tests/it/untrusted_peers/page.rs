@@ -268,6 +268,13 @@ async fn malformed_requests_and_foreign_paths_reach_neither_a_file_nor_the_robot
             String::from_utf8_lossy(&answer)
         );
     }
+    for bytes in [
+        &b"\0\0\0\0"[..],
+        b"GET / HTTP/1.1\r\n",
+        b"POST /api/stop HTTP/9.9\r\n\r\n",
+    ] {
+        browser::send(&at, bytes).await;
+    }
     let many: String = (0..1000)
         .map(|number| format!("x-{number}: y\r\n"))
         .collect();
@@ -325,6 +332,9 @@ async fn endless_or_invalid_messages_end_only_their_own_connection() {
         (0x88, &b"\x03"[..]),
         (0x88, &[0xff; 100][..]),
         (0x82, &b"{\"type\":\"stop\"}"[..]),
+        (0xf1, &b"{}"[..]),
+        (0x81, &[0xff; 10][..]),
+        (0x81, &[b'x'; 100_000][..]),
     ] {
         let mut bad = Page::open(&at, "").await.unwrap();
         bad.frame(head, payload).await;
@@ -349,12 +359,18 @@ async fn endless_or_invalid_messages_end_only_their_own_connection() {
         pings.frame(0x89, &b"x"[..]).await;
     }
     pings.closed().await;
+    let mut flood = Page::open(&at, "").await.unwrap();
+    for _ in 0..1000 {
+        flood.send_text("{\"type\":\"frame_shown\"}").await;
+    }
+    flood.closed().await;
     let mut odd = Page::open(&at, "").await.unwrap();
     let deep = format!("{{\"type\":{}", "[".repeat(10_000));
     for said in [
         &*deep,
         "null",
         "[]",
+        "{\"type\":\"drive\"}",
         "{\"type\":\"drive\",\"left\":1e999,\"right\":0}",
         "{\"type\":\"command\",\"id\":-1,\"command\":{\"do\":\"dock\"}}",
         "{\"type\":\"stop\",\"type\":\"stop\"}",

@@ -317,8 +317,10 @@ async fn turn_and_cut(
     let long = BEFORE_CUT + CUT + FARTHER;
     let driving = driver.ask(async |client| client.run(turn(-power), long).await);
     let (ended, back) = eyes.watch(driving).await;
-    let is_whole = ended? == MotionEnd::Done;
-    Ok(unseen_turn(&there, &back).filter(|_| is_whole))
+    Ok(match ended? {
+        MotionEnd::Done => unseen_turn(&there, &back),
+        _ => None,
+    })
 }
 
 /// How long it turned after the last view of the way there, if the way back leads past where the
