@@ -15,9 +15,11 @@ local settings = params.declare({
 local TURNING = 0.8 -- rad/s, on the spot
 local BEND = 0.35 -- rad/s at most while driving: the camera shows little of the sides
 local PATIENCE = 1.5 -- seconds of driving without a change of the picture
+local BRIEF = 1 -- seconds: after a shorter drive it goes on turning as before, not to and fro
 
-local away -- the side to which it is turning away: 1 left, -1 right; nil while it drives
-local turned_since
+local turns = false -- whether it turns away from something
+local away = 1 -- the side to which it does: 1 left, -1 right
+local turned_since, drives_since = 0, -math.huge
 local near = floor.memory()
 local last_texture -- the texture of the floor at its last change
 local changed_at = task.now()
@@ -30,25 +32,28 @@ end
 
 local function steer(free)
 	local turning = bend(free)
-	local wanted = settings.margin * (if away then 1.3 else 1)
-	if away and task.now() - turned_since > 2 * math.pi / TURNING then
+	local wanted = settings.margin * (if turns then 1.3 else 1)
+	if turns and task.now() - turned_since > 2 * math.pi / TURNING then
 		wanted = 0.8 * settings.margin -- a full turn has shown no better direction
 		near:forget()
 	end
 	if free.ahead > wanted then
-		away = nil
+		if turns then
+			turns, drives_since = false, task.now()
+		end
 		robot.drive(settings.speed * math.min(1, free.ahead), turning)
 	else
-		if not away then
+		if not turns and task.now() - drives_since > BRIEF then
 			away, turned_since = (if free.turn >= 0 then 1 else -1), task.now()
 		end
+		turns = true
 		robot.drive(0, TURNING * away)
 	end
 end
 
 local function stuck(frame)
 	local texture = floor.texture(frame)
-	if not last_texture or away or floor.differs(texture, last_texture) then
+	if not last_texture or turns or floor.differs(texture, last_texture) then
 		last_texture, changed_at = texture, task.now()
 	end
 	return task.now() - changed_at > PATIENCE
@@ -58,7 +63,7 @@ local function back_off()
 	log.info("something holds me: I back off")
 	robot.forward(-0.2)
 	robot.turn(math.rad(math.random(60, 120)) * (if math.random() < 0.5 then 1 else -1))
-	last_texture, away = nil, nil
+	last_texture, turns, drives_since = nil, false, -math.huge
 end
 
 -- Waits on the station until the battery is full enough, then leaves it and turns away from it.
@@ -71,7 +76,7 @@ local function rest()
 	if why == "safety" then
 		robot.wait_for("battery", 60) -- its level is not known, and the watchdog lets it charge longer
 	end
-	last_texture, away = nil, nil
+	last_texture, turns, drives_since = nil, false, -math.huge
 end
 
 while true do

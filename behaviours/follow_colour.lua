@@ -11,7 +11,7 @@ local settings = params.declare({
 robot.undock() -- has no effect if the robot is not on its station
 
 local SLACK = 8 -- pixels by which the width may differ from the right one
-local LOOK_AROUND = 0.9 -- rad/s; below 0.75 the tracks of some robots stand
+local LOOK_AROUND = 0.9 -- rad/s
 local GIVE_UP = 0.8 -- seconds out of sight until it counts as lost
 
 local seen_at = -math.huge

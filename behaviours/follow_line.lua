@@ -33,15 +33,13 @@ floor.leave_station() -- has no effect if the robot is not on its station
 -- metres.
 local line = {}
 local near = 0 -- metres from the camera to the nearest floor in the picture
-local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
-local moved_at = task.now()
+local pose = robot.pose() -- where it was when the points were moved last
 local seen_at, ever_seen = task.now(), false
 local followed_at = task.now()
 local side = 1 -- where to look for a lost line: 1 left, -1 right
 local state
 
-local function drive(new_speed, new_turning, new_state)
-	speed, turning = new_speed, new_turning
+local function drive(speed, turning, new_state)
 	robot.drive(speed, turning)
 	if state ~= new_state then
 		state = new_state
@@ -53,9 +51,10 @@ end
 -- Updates the positions of all points after the robot has moved, and drops those reached or behind
 -- it.
 local function move_on()
-	local now = task.now()
-	local way, angle = speed * (now - moved_at), turning * (now - moved_at)
-	moved_at = now
+	local now = robot.pose()
+	local way = math.sqrt((now.x - pose.x) ^ 2 + (now.y - pose.y) ^ 2)
+	local angle = now.heading - pose.heading
+	pose = now
 	local cos, sin = math.cos(angle), math.sin(angle)
 	local left = {}
 	for _, point in line do

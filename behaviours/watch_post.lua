@@ -1,6 +1,8 @@
 -- watch_post: leaves its station, turns to where the room is, and stands there for a while; then it goes
 -- home. On its station the camera faces the wall, so the guard, which runs beside it, sees nobody: from
--- here it sees who comes. A low battery ends the watch early: the watchdog takes the robot home.
+-- here it sees who comes. A low battery ends the watch early: the watchdog takes the robot home. It
+-- needs a robot whose level is a share of the energy, or `watchdog: { power: voltage }` in the config,
+-- which `spykee doctor --first` finds out: here it drives too little to see that a voltage sags.
 
 local floor = require("@spykee/floor")
 

@@ -456,6 +456,7 @@ mod tests {
         for wrong in [
             "calibration:\n  full_speed: 0\n",
             "calibration:\n  track_width: .nan\n",
+            "calibration:\n  least_power: 60\n",
             "camera:\n  hfov: 0\n",
             "camera:\n  distortion: [-3, 0]\n",
             "camera:\n  distortion: [0.1, 0, 0]\n",

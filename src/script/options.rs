@@ -170,6 +170,7 @@ mod ranges {
         noise_dbfs = -100.0..=0.0, "dBFS";
         track_width = 0.02..=2.0, "metres";
         full_speed = 0.01..=5.0, "metres a second";
+        least_power = 0.0..=50.0, "percent of full power";
     }
 }
 
@@ -184,6 +185,9 @@ pub struct Calibration {
     /// Speed of a track at 100 % of power, in metres per second: 0.45.
     #[serde(deserialize_with = "ranges::full_speed")]
     pub full_speed: f64,
+    /// Power below which a track stands, in percent: 20. Speeds that would need less get this power.
+    #[serde(deserialize_with = "ranges::least_power")]
+    pub least_power: f64,
 }
 
 /// The power of a track at full speed, in the units of the robot's MOVE command.
@@ -207,6 +211,7 @@ impl Default for Calibration {
         Calibration {
             track_width: 0.24,
             full_speed: 0.45,
+            least_power: 20.0,
         }
     }
 }

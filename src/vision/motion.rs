@@ -22,6 +22,17 @@ const MAX_TILES: f64 = 0.5;
 const MANY_TILES: f64 = 0.4;
 const MAX_NEW_TILES: f64 = 0.6;
 
+/// If at least this share of the picture, without what glares, has got brighter, or darker, by more
+/// than [`LIGHT_CHANGE`], the light has changed. If then more than [`MAX_UNEVEN`] of the picture glares or
+/// differs from the mean change by more than [`UNEVEN`], the borders of what the light has changed
+/// differently change as a moving thing does.
+const MOST: f64 = 0.75;
+const LIGHT_CHANGE: u64 = 115; // percent
+const MAX_UNEVEN: f64 = 0.1;
+const UNEVEN: u64 = 125; // percent
+/// The sum of a whole box that glares: a mean brightness of 240.
+const GLARE: u64 = 240 * (2 * REACH as u64 + 1).pow(2);
+
 /// What counts as motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -103,7 +114,8 @@ impl MotionDetector {
         let pixels = cells * 4;
         let share = f64::from(pixels) / (f64::from(size.width) * f64::from(size.height)).max(1.0);
         let too_few = pixels == 0 || pixels < self.options.min_pixels;
-        if too_few || share > MAX_MOVING || self.has_camera_moved() {
+        let is_all = too_few || share > MAX_MOVING;
+        if is_all || self.has_light_changed_unevenly() || self.has_camera_moved() {
             return Motion {
                 score: 0.0,
                 pixels: 0,
@@ -131,6 +143,32 @@ impl MotionDetector {
         let share = |picture| share_of_changed(picture, &self.moved, self.half.0).unwrap_or(0.0);
         let gone = share(&self.before);
         gone > MAX_TILES || (gone > MANY_TILES && share(&self.now) > MAX_NEW_TILES)
+    }
+
+    fn has_light_changed_unevenly(&self) -> bool {
+        let now = &self.around_now.sums;
+        let before = &self.around_before.sums;
+        let total = |sums: &[u32]| sums.iter().map(|sum| u64::from(*sum)).sum::<u64>().max(1);
+        let even = [total(now), total(before)];
+        let mut brighter = 0u32;
+        let mut darker = 0u32;
+        let mut uneven = 0u32;
+        let mut glares = 0u32;
+        for (now, before) in now.iter().zip(before) {
+            let [now, before] = [u64::from(*now), u64::from(*before)];
+            if now.min(before) >= GLARE {
+                glares += 1;
+                continue;
+            }
+            brighter += u32::from(exceeds(now, before, LIGHT_CHANGE));
+            darker += u32::from(exceeds(before, now, LIGHT_CHANGE));
+            let expected = before * even[0] / even[1];
+            let differs = exceeds(now, expected, UNEVEN) || exceeds(expected, now, UNEVEN);
+            uneven += u32::from(differs);
+        }
+        let all = now.len() as f64;
+        let is_light = f64::from(brighter.max(darker)) >= MOST * (all - f64::from(glares));
+        is_light && f64::from(uneven + glares) > MAX_UNEVEN * all
     }
 
     fn mark_changes(&mut self) {
@@ -187,6 +225,11 @@ impl MotionDetector {
         self.finder
             .find_labelled(size, label_row, &options, self.camera)
     }
+}
+
+/// Whether `one` is more than so many percent of `other`.
+fn exceeds(one: u64, other: u64, percent: u64) -> bool {
+    one * 100 > other * percent
 }
 
 /// Half the side of a box: this many pixels on each side of the pixel.
@@ -357,6 +400,34 @@ mod tests {
             let motion = detector.update(&room(brightness, slope, None, 2));
             assert_eq!(motion.pixels, 0, "light {brightness} {slope}");
             assert_eq!(detector.update(&room(brightness, slope, None, 3)).pixels, 0);
+        }
+    }
+
+    /// A dim wall above a floor, and a box on the floor. A lamp on the ceiling lights floor and box.
+    fn room_with_a_lamp(is_on: bool, ball: Option<i32>) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+            let is_box = (60..140).contains(&x) && (90..180).contains(&y);
+            let light = if is_box || y >= 160 { 8.0 } else { 1.35 };
+            let light = if is_on { light } else { 1.0 };
+            let surface = if is_box { 28.0 } else { 25.0 };
+            Rgb([(surface * light) as u8; 3])
+        });
+        if let Some(x) = ball {
+            draw_filled_circle_mut(&mut picture, (x, 200), 18, Rgb([110, 110, 110]));
+        }
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_lamp_that_lights_the_floor_more_than_the_walls_is_not_motion() {
+        for is_on in [true, false] {
+            let mut detector = detector();
+            detector.update(&room_with_a_lamp(!is_on, None));
+            let motion = detector.update(&room_with_a_lamp(is_on, None));
+            assert_eq!(motion.pixels, 0, "{motion:?}");
+            detector.update(&room_with_a_lamp(is_on, Some(200)));
+            let motion = detector.update(&room_with_a_lamp(is_on, Some(220)));
+            assert!(motion.pixels > 150, "{motion:?}");
         }
     }
 

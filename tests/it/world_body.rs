@@ -402,6 +402,82 @@ async fn a_robot_that_comes_back_into_range_takes_a_new_connection() {
     connect(&handle).log_in().await;
 }
 
+/// What the robot hears of a script's first motion, and how it moves: metres driven, and radians
+/// turned within 1.5 seconds.
+async fn first_motion(simulation: &Simulation, source: &str, least: f64) -> ([i8; 2], f64, f64) {
+    let mut options = script::Options::new("slow", "slow.lua");
+    options.calibration.least_power = least;
+    let run = simulation.start(vec![behaviour(source, options)], None);
+    let sim = simulation.sim();
+    let heard = sim.wait_state(|state| state.commanded != Default::default());
+    let heard = timeout(Duration::from_secs(5), heard)
+        .await
+        .expect("a MOVE");
+    let later = sim.wait_state(|state| state.time >= heard.time + Duration::from_millis(1500));
+    let later = later.await;
+    run.stop();
+    let _ = run.outcome().await;
+    let commanded = [heard.commanded.left, heard.commanded.right];
+    let turned = later.pose.heading - heard.pose.heading;
+    (commanded, later.distance - heard.distance, turned)
+}
+
+#[test]
+fn a_speed_that_is_too_slow_for_the_tracks_moves_the_robot_all_the_same() {
+    // Also a robot whose least power is what `doctor --first` has measured.
+    for (zone, least, power) in [(20, 20.0, 18), (28, 29.0, 26)] {
+        for (script, heard) in [
+            ("robot.drive(0, 0.4)", Some([-power, power])),
+            ("robot.drive(0, -0.4, 5)", Some([power, -power])),
+            ("robot.drive(0.05, 0)", Some([power, power])),
+            ("robot.turn(3, 0.1)", Some([-power, power])),
+            ("robot.forward(-1, 0.01)", Some([-power, -power])),
+            ("robot.drive(0.07, 0.1)", None),
+            // A power is sent as it is told.
+            ("robot.move(-9, 9)", Some([-8, 8])),
+        ] {
+            let world = world(&format!(
+                "start: {{at: [2, 2]}}\ntracks: {{dead_zone: {zone}}}"
+            ));
+            let source = format!("{script} task.wait(9)");
+            let options = simulation::Options::default();
+            let motion = simulation::run(world, options, async |simulation| {
+                first_motion(simulation, &source, least).await
+            });
+            let (commanded, metres, turned) = motion.unwrap();
+            let told = format!("{script}, {least} %: {commanded:?}, {metres} m, {turned}");
+            assert!(heard.is_none_or(|heard| commanded == heard), "{told}");
+            let stands = script.contains("move");
+            let turns = (commanded[1] - commanded[0]).signum();
+            let is_right = match turns {
+                _ if stands => metres == 0.0 && turned == 0.0,
+                0 => metres > 0.1 && turned.abs() < 0.01,
+                left => turned * f64::from(left) > 0.1,
+            };
+            assert!(is_right, "{told}");
+        }
+    }
+}
+
+#[test]
+fn a_turn_that_is_too_slow_for_the_tracks_ends_where_it_should() {
+    let world = world("start: {at: [2, 2]}\ntracks: {dead_zone: 20}");
+    let options = simulation::Options::default();
+    let script = behaviour(
+        "print(robot.turn(1, 0.1), robot.forward(0.5, 0.02), robot.drive(0, 0.1, 1))",
+        script::Options::new("slow", "slow.lua"),
+    );
+    let state = simulation::run(world, options, async |simulation: &Simulation| {
+        let run = simulation.start(vec![script], None);
+        let _ = run.outcome().await;
+        simulation.sim().state()
+    });
+    let state = state.unwrap();
+    // Less than a third of what it can do is no motion.
+    assert!((state.pose.heading - 1.0).abs() < 0.1, "{:?}", state.pose);
+    assert!((state.distance - 0.5).abs() < 0.05, "{}", state.distance);
+}
+
 /// What a script does in 40 seconds that begin on the station.
 #[derive(Debug)]
 struct Leaving {

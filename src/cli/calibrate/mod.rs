@@ -91,7 +91,7 @@ pub(super) fn run(args: &CalibrateArgs, settings: &CommandSettings) -> Result<Ex
             Some(handle) => measure_in_simulator(driver, handle).await?,
             None => measure_with_person(driver, args.json).await?,
         };
-        measured = Some(round.calibration()?);
+        measured = Some(round.calibration(target.config.calibration)?);
         Ok(Exit::Done)
     })?;
     match measured {
@@ -136,18 +136,26 @@ pub(super) async fn drive_once(
 }
 
 fn conclude(json: bool, calibration: Calibration) -> Result<Exit, Failure> {
+    if json {
+        return print_json(&json!(calibration));
+    }
+    let line = config_line(calibration);
+    print(&format!(
+        "\n{line}\nPaste this line into your config, in place of its `calibration:` if it has one.\n"
+    ))
+}
+
+pub(super) fn config_line(calibration: Calibration) -> String {
     let Calibration {
         track_width,
         full_speed,
+        least_power,
     } = calibration;
-    if json {
-        return print_json(&json!({ "track_width": track_width, "full_speed": full_speed }));
-    }
     // Measurements are no more precise than a tenth of a millimetre.
-    print(&format!(
-        "\ncalibration: {{ track_width: {track_width:.4}, full_speed: {full_speed:.4} }}\n\
-         Paste this line into your config, in place of its `calibration:` if it has one.\n"
-    ))
+    format!(
+        "calibration: {{ track_width: {track_width:.4}, full_speed: {full_speed:.4}, \
+         least_power: {least_power} }}"
+    )
 }
 
 fn straight(percent: f64) -> Setpoint {
@@ -169,7 +177,8 @@ struct Measured {
 }
 
 impl Measured {
-    fn calibration(self) -> Result<Calibration, Failure> {
+    /// The calibration, with what was not measured from the one in use.
+    fn calibration(self, used: Calibration) -> Result<Calibration, Failure> {
         let full_speed = self.speed / (POWER / 100.0);
         // When turning on the spot, the tracks run in opposite directions at this speed.
         let track_width = 2.0 * self.speed / self.turning;
@@ -177,6 +186,7 @@ impl Measured {
             return Ok(Calibration {
                 full_speed,
                 track_width,
+                ..used
             });
         }
         let what = format_args!(
@@ -363,7 +373,7 @@ mod tests {
             speed: (0.78 - 0.24) / (3.0 - 1.0),
             turning: 4.5 / 2.0,
         };
-        let calibration = measured.calibration().unwrap();
+        let calibration = measured.calibration(Calibration::default()).unwrap();
         assert!((calibration.full_speed - 0.45).abs() < 1e-9);
         assert!((calibration.track_width - 0.24).abs() < 1e-9);
     }
@@ -378,7 +388,8 @@ mod tests {
             (9.0, 2.0),
         ] {
             let round = Measured { speed, turning };
-            assert!(round.calibration().is_err(), "{speed} {turning}");
+            let told = round.calibration(Calibration::default());
+            assert!(told.is_err(), "{speed} {turning}");
         }
     }
 }

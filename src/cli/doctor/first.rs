@@ -16,7 +16,7 @@ use self::moving::LinkCut;
 use super::DoctorArgs;
 use super::network::{execution, per_second};
 use crate::agent::PilotPlan;
-use crate::cli::calibrate::answer;
+use crate::cli::calibrate::{answer, config_line};
 use crate::cli::driver::{Driver, drive};
 use crate::cli::interrupt::unless_interrupted;
 use crate::cli::robot::{RobotSession, video};
@@ -24,6 +24,7 @@ use crate::cli::settings::CommandSettings;
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::pilot::{Connector, Settings};
 use crate::robot::{Battery, Percent, Streams};
+use crate::script::Calibration;
 use crate::vision::{Camera, Decoder, Glance, drove_forwards};
 use crate::wire::{Command, Engage, EngineReport, Report};
 
@@ -65,6 +66,7 @@ struct Walk {
     /// Nobody is beside the robot, and every motion is allowed.
     yes: bool,
     camera: Camera,
+    calibration: Calibration,
     /// At this level it may not leave its station.
     low: Percent,
     is_docked: bool,
@@ -110,6 +112,11 @@ impl Walk {
         Ok(())
     }
 
+    fn set_least_power(&mut self, percent: u8) {
+        self.calibration.least_power = f64::from(percent);
+        self.lines.push(config_line(self.calibration));
+    }
+
     fn summary(&self) -> String {
         let mut text = "\nWhat this robot is:\n".to_owned();
         for Finding { what, found, how } in &self.findings {
@@ -128,6 +135,7 @@ pub(super) fn run(args: &DoctorArgs, settings: &CommandSettings) -> Result<Exit,
     let mut walk = Walk {
         yes: args.yes,
         camera: robot.config.camera,
+        calibration: robot.config.calibration,
         low: robot.config.watchdog.low,
         is_docked: true,
         findings: Vec::new(),

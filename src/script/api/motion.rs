@@ -30,6 +30,10 @@ const LONGEST_DRIVE: f64 = 3600.0;
 /// Default speed of `forward` and `turn`, as a share of full speed.
 const USUAL: f64 = 0.5;
 
+/// A setpoint whose faster track would have less than this share of the least power stands: small
+/// corrections would else swing the robot to and fro.
+const STANDS: f64 = 1.0 / 3.0;
+
 /// Deceleration that is assumed of a track when it stops, in metres per second squared. That of a
 /// real robot was not measured.
 const DECELERATION: f64 = 1.5;
@@ -55,14 +59,41 @@ impl TrackSpeeds {
         self.left.abs().max(self.right.abs())
     }
 
-    /// The setpoint in percent of power, and the factor by which both tracks were slowed so that
-    /// neither exceeds full power; the curve stays the same.
+    /// The setpoint in percent of power, and the factor by which both tracks were changed so that the
+    /// faster one has at least the least power and at most full power; the curve stays the same as
+    /// far as the slower one can run.
     fn setpoint(self, calibration: Calibration) -> (Option<Setpoint>, f64) {
-        let slowed = (calibration.full_speed / self.fastest()).min(1.0);
-        let percent =
-            |speed: f64| (speed * slowed / calibration.full_speed * 100.0).clamp(-100.0, 100.0);
-        let setpoint = Setpoint::from_percent(percent(self.left), percent(self.right));
-        (setpoint, slowed)
+        let fastest = self.fastest() / calibration.full_speed * 100.0;
+        if fastest == 0.0 {
+            return (Some(Setpoint::STOP), 1.0);
+        }
+        let factor = fastest.clamp(calibration.least_power, 100.0) / fastest;
+        let percent = |speed: f64| speed * factor / calibration.full_speed * 100.0;
+        let mut left = percent(self.left);
+        let mut right = percent(self.right);
+        if left.abs() < right.abs() {
+            run_or_stand(&mut left, &mut right, calibration.least_power);
+        } else {
+            run_or_stand(&mut right, &mut left, calibration.least_power);
+        }
+        let left = left.clamp(-100.0, 100.0);
+        let setpoint = Setpoint::from_percent(left, right.clamp(-100.0, 100.0));
+        (setpoint, factor)
+    }
+}
+
+/// Gives the slower track, both in percent of power, the least power if it has at least half of it,
+/// and the faster one as much more, so that the turn stays; else the slower one stands.
+fn run_or_stand(slower: &mut f64, faster: &mut f64, least: f64) {
+    let lacking = least - slower.abs();
+    if lacking > least / 2.0 {
+        *slower = 0.0;
+    } else if lacking > 0.0 {
+        let more = lacking.copysign(*slower);
+        *slower += more;
+        if *slower * *faster > 0.0 {
+            *faster += more;
+        }
     }
 }
 
@@ -79,8 +110,13 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     let angular = call.args.get(1)?;
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
-    let (setpoint, _) =
-        TrackSpeeds::from_speeds(linear, angular, calibration).setpoint(calibration);
+    let tracks = TrackSpeeds::from_speeds(linear, angular, calibration);
+    let least = calibration.full_speed * calibration.least_power / 100.0;
+    let setpoint = if tracks.fastest() < least * STANDS {
+        Some(Setpoint::STOP)
+    } else {
+        tracks.setpoint(calibration).0
+    };
     start_motion(call, setpoint, time, Duration::ZERO)
 }
 
@@ -115,8 +151,8 @@ fn turn(call: &mut Call<'_>) -> NativeResult {
 /// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
 fn travel(call: &mut Call<'_>, way: f64, tracks: TrackSpeeds, speed: f64) -> NativeResult {
     let calibration = call.state.options.calibration;
-    let (setpoint, slowed) = tracks.setpoint(calibration);
-    let seconds = way / (speed * slowed);
+    let (setpoint, factor) = tracks.setpoint(calibration);
+    let seconds = way / (speed * factor);
     if seconds > LONGEST_DRIVE {
         return Err(call.misuse(&format!(
             "that would take {seconds:.0} seconds; the most is {LONGEST_DRIVE}"
@@ -126,7 +162,7 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: TrackSpeeds, speed: f64) -> Nat
         return call.reply((true, MotionEnd::Done.name()));
     }
     let time = Duration::from_secs_f64(seconds);
-    let runs_on = Duration::from_secs_f64(tracks.fastest() * slowed / DECELERATION);
+    let runs_on = Duration::from_secs_f64(tracks.fastest() * factor / DECELERATION);
     start_motion(call, setpoint, Some(time), runs_on)
 }
 
@@ -240,6 +276,7 @@ mod tests {
     const CALIBRATION: Calibration = Calibration {
         track_width: 0.2,
         full_speed: 0.5,
+        least_power: 20.0,
     };
 
     fn percent(linear: f64, angular: f64) -> (i8, i8) {
@@ -261,5 +298,29 @@ mod tests {
         assert_eq!(percent(1.0, 0.0), (90, 90));
         assert_eq!(percent(1.0, 5.0), (30, 90));
         assert_eq!(percent(1000.0, -1000.0), (90, 74));
+    }
+
+    #[test]
+    fn no_track_has_less_than_the_least_power_and_the_turn_keeps_its_side() {
+        // The least power is 18: a turn and a line get it, curves keep their turn or their slower
+        // track stands.
+        assert_eq!(percent(0.0, 0.4), (-18, 18));
+        assert_eq!(percent(-0.05, 0.0), (-18, -18));
+        assert_eq!(percent(0.12, 0.5), (18, 36));
+        assert_eq!(percent(0.12, 0.9), (0, 38));
+        assert_eq!(percent(0.1, 1.4), (0, 43));
+        assert_eq!(percent(0.1, 1.7), (-18, 49));
+        for step in -60i32..=60 {
+            let angular = f64::from(step) / 20.0;
+            for linear in [-0.3, -0.05, 0.0, 0.02, 0.1, 0.2, 0.49] {
+                let (left, right) = percent(linear, angular);
+                let told = format!("{linear} {angular}: {left} {right}");
+                for track in [left, right] {
+                    assert!(track == 0 || (18..=90).contains(&track.abs()), "{told}");
+                }
+                assert_eq!((right - left).signum(), step.signum() as i8, "{told}");
+            }
+        }
+        assert_eq!(percent(0.0, 0.0), (0, 0));
     }
 }

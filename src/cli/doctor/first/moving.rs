@@ -164,11 +164,12 @@ async fn least_power(
         if turned {
             let below = percent.saturating_sub(POWER_STEP as u8);
             let found = if below >= *POWERS.start() {
-                format!("{percent} % turns it on the spot, {below} % does not: scripts use more")
+                format!("{percent} % turns it on the spot, {below} % does not")
             } else {
                 format!("{percent} % or less turns it on the spot")
             };
             walk.measured(WHAT, &found)?;
+            walk.set_least_power(percent);
             return Ok(Some(percent));
         }
     }
@@ -216,7 +217,10 @@ async fn ask_least_power(
     let told = told.trim_end_matches('%').trim().parse().ok();
     let told = told.filter(|percent| POWERS.contains(percent));
     match told {
-        Some(percent) => walk.asked(what, &format!("{percent} % turns it on the spot"))?,
+        Some(percent) => {
+            walk.asked(what, &format!("{percent} % turns it on the spot"))?;
+            walk.set_least_power(percent);
+        }
         None => walk.unknown(what, why)?,
     }
     Ok(told)

@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::*;
+use crate::config::Config;
 use crate::sim::{self, Firmware, World};
 use crate::simulation::{self, Simulation};
 
@@ -42,6 +43,8 @@ const USUAL: Case = Case {
 /// What was said, and whether the tracks ran at the end of the time without a connection.
 struct Description {
     findings: Vec<Finding>,
+    /// For the config.
+    lines: Vec<String>,
     drove_on: bool,
 }
 
@@ -97,6 +100,8 @@ impl Case {
         self.tells(&said, "least power", |least| {
             let percent: f64 = least.split(' ').next().unwrap().parse().unwrap();
             // The power of a track has steps of 1.1 %.
+            let config = Config::parse(&said.lines.join("\n"), "spykee.yaml").unwrap();
+            assert_eq!(config.calibration.least_power, percent, "{:?}", said.lines);
             (self.dead_zone - 0.6..=f64::max(self.dead_zone + 3.6, 5.0)).contains(&percent)
         });
         let is_voltage = self.battery.contains("voltage");
@@ -138,6 +143,7 @@ async fn describe(simulation: &Simulation) -> Description {
     let mut walk = Walk {
         yes: true,
         camera: Camera::default(),
+        calibration: Calibration::default(),
         low: plan.settings.limits.low,
         is_docked: true,
         findings: Vec::new(),
@@ -160,6 +166,7 @@ async fn describe(simulation: &Simulation) -> Description {
     let drove_on = *moving.lock().unwrap();
     Description {
         findings: walk.findings,
+        lines: walk.lines,
         drove_on,
     }
 }
