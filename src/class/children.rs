@@ -246,19 +246,8 @@ pub(super) async fn pass_on(
     }
 }
 
-async fn pass(
-    socket: &Path,
-    path: &'static str,
-    may_change: bool,
-    closed: CancellationToken,
-    mut request: Request,
-) -> io::Result<Response> {
-    let stream = UnixStream::connect(socket).await?;
-    let (mut sender, connection) = handshake(TokioIo::new(stream))
-        .await
-        .map_err(io::Error::other)?;
-    let connection = tokio::spawn(connection.with_upgrades());
-    let page = hyper::upgrade::on(&mut request);
+/// The request as the process gets it.
+fn onward(request: Request, path: &'static str, may_change: bool) -> Request {
     let (head, body) = request.into_parts();
     let is_socket = head.headers.contains_key(UPGRADE);
     let body = if is_socket { Body::empty() } else { body };
@@ -277,6 +266,23 @@ async fn pass(
     if !may_change {
         headers.insert(ROLE, HeaderValue::from_static("viewer"));
     }
+    onward
+}
+
+async fn pass(
+    socket: &Path,
+    path: &'static str,
+    may_change: bool,
+    closed: CancellationToken,
+    mut request: Request,
+) -> io::Result<Response> {
+    let stream = UnixStream::connect(socket).await?;
+    let (mut sender, connection) = handshake(TokioIo::new(stream))
+        .await
+        .map_err(io::Error::other)?;
+    let connection = tokio::spawn(connection.with_upgrades());
+    let page = hyper::upgrade::on(&mut request);
+    let onward = onward(request, path, may_change);
     let mut answer = sender
         .send_request(onward)
         .await

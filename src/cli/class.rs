@@ -148,7 +148,8 @@ fn robots(args: &ClassArgs, settings: &CommandSettings) -> Result<Vec<RobotSetup
     Ok(robots)
 }
 
-/// Is the agent of one robot of a class, which tells it what to do.
+/// Is the agent of one robot of a class, which tells it what to do. The notifications and the broker of
+/// the config are not the class's.
 fn run_agent(
     args: &ClassArgs,
     data: &Path,
@@ -187,7 +188,6 @@ fn run_agent(
         events: None,
         is_service: true,
     };
-    // The config's notifications and broker are not the class's.
     setup.run(
         robot,
         &Effective::default(),
