@@ -412,7 +412,7 @@ impl Class {
         let driver = self.state.lock().robots.queue.robot_of(name);
         driver.ok_or(TurnError::NoTurn).map_err(conflict)?;
         let plan = self.plan(name, order, true).await?;
-        let started = self.change().robots.start(name, plan);
+        let started = self.change().robots.start(name, plan, Instant::now());
         started.map_err(conflict)
     }
 

@@ -102,6 +102,14 @@ impl Robot {
         self.facts.connected && !self.facts.low && !self.facts.stopped && !self.charges
     }
 
+    /// How long the turn on it still takes.
+    fn left(&self, now: Instant) -> Duration {
+        let turn = self.turn.as_ref();
+        turn.map_or(Duration::ZERO, |turn| {
+            turn.ends.saturating_duration_since(now)
+        })
+    }
+
     /// A key of the pages' texts.
     fn state(&self) -> &'static str {
         match &self.turn {
@@ -181,6 +189,12 @@ impl Queue {
     pub(super) fn turn(&self, index: usize) -> Option<u64> {
         let turn = self.robots.get(index)?.turn.as_ref();
         turn.map(|turn| turn.number)
+    }
+
+    /// How long the turn on a robot still takes.
+    pub(super) fn left(&self, index: usize, now: Instant) -> Duration {
+        let robot = self.robots.get(index);
+        robot.map_or(Duration::ZERO, |robot| robot.left(now))
     }
 
     /// A learner starts a script on the robot, which is told so.
@@ -321,11 +335,8 @@ impl Queue {
     /// How long the one at this place will wait, as far as is known; `None` without a robot.
     fn wait(&self, place: usize, now: Instant) -> Option<Duration> {
         let ready = self.robots.iter().filter(|robot| robot.is_ready());
-        let left = |robot: &Robot| match &robot.turn {
-            Some(turn) => turn.ends.saturating_duration_since(now),
-            None => Duration::ZERO,
-        };
-        let mut left: Vec<Duration> = ready.map(left).collect();
+        let ready = ready.map(|robot| robot.left(now));
+        let mut left: Vec<Duration> = ready.collect();
         left.sort();
         let first = left.get(place.checked_rem(left.len())?)?;
         Some(*first + self.length * u32::try_from(place / left.len()).ok()?)
@@ -614,17 +625,17 @@ mod tests {
                 let now = began + Duration::from_secs(second);
                 self.learners_act(now);
                 self.robots_act();
-                let before: Vec<_> = (0..2)
-                    .map(|at| self.queue.robots[at].turn.is_some())
-                    .collect();
+                let before = [0, 1].map(|index| self.queue.turn(index));
                 let away = self.away.clone();
                 let told = self.queue.poll(now, |learner| !away.contains_key(learner));
                 for index in told {
                     let wait = self.random.random_range(0..3);
                     self.robots[index].standing.get_or_insert(wait);
                 }
-                for index in (0..2).filter(|&index| !before[index]) {
-                    self.begun(index, now);
+                for (index, turn) in before.into_iter().enumerate() {
+                    if self.queue.turn(index) != turn {
+                        self.begun(index, now);
+                    }
                 }
                 self.check();
             }

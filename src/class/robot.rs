@@ -39,7 +39,14 @@ const ALIVE: Duration = Duration::from_millis(100);
 pub(super) struct Order {
     /// Counts the orders.
     pub(super) number: u64,
-    pub(super) start: Option<RunPlan>,
+    pub(super) start: Option<Start>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Start {
+    pub(super) plan: RunPlan,
+    /// The rest of the turn: the script ends then, whatever the server does.
+    pub(super) lasts: Duration,
 }
 
 /// What the agent tells its server.
@@ -146,7 +153,7 @@ impl RobotAgent {
                     self.news.done = order.number;
                     self.news.error = None;
                     self.runs = order.start.is_some();
-                    starting = order.start.map(|plan| self.start(plan));
+                    starting = order.start.map(|start| self.start(start));
                 }
                 done = started(&mut starting) => {
                     starting = None;
@@ -223,7 +230,7 @@ impl RobotAgent {
     }
 
     /// Starts a script; a robot on its station leaves it first.
-    fn start(&self, plan: RunPlan) -> Starting {
+    fn start(&self, Start { plan, lasts }: Start) -> Starting {
         let control = self.control.clone();
         let spec = plan.spec(&self.config);
         Box::pin(async move {
@@ -237,7 +244,7 @@ impl RobotAgent {
             defined.map_err(|error| error.to_string())?;
             let change = control
                 .roster
-                .change(Change::Start, &plan.name, None, CLASS);
+                .change(Change::Start, &plan.name, Some(lasts), CLASS);
             change.await.map_err(|error| error.to_string())
         })
     }

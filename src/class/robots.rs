@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 use super::children::{Child, RobotSetup};
 use super::learner::RunPlan;
 use super::queue::{Facts, Queue, TurnError};
-use super::robot::{Order, RobotNews};
+use super::robot::{Order, RobotNews, Start};
 
 /// The pause before an agent that has ended is started again.
 const AGAIN: Duration = Duration::from_secs(5);
@@ -121,9 +121,15 @@ impl Robots {
     }
 
     /// Starts a learner's script on the robot whose turn it is; one that runs is ended first.
-    pub(super) fn start(&mut self, learner: &str, plan: RunPlan) -> Result<(), TurnError> {
+    pub(super) fn start(
+        &mut self,
+        learner: &str,
+        plan: RunPlan,
+        now: Instant,
+    ) -> Result<(), TurnError> {
         let index = self.queue.start(learner)?;
-        self.order(index, Some(plan));
+        let lasts = self.queue.left(index, now);
+        self.order(index, Some(Start { plan, lasts }));
         Ok(())
     }
 
@@ -134,7 +140,7 @@ impl Robots {
         Ok(())
     }
 
-    fn order(&mut self, index: usize, start: Option<RunPlan>) {
+    fn order(&mut self, index: usize, start: Option<Start>) {
         let robot = &mut self.robots[index];
         robot.ordered += 1;
         let order = Order {
