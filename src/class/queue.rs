@@ -405,6 +405,8 @@ mod tests {
         stopped: false,
         stands: true,
     };
+    /// How many lessons are played with each luck.
+    const LESSONS: u64 = 100;
     const MINUTE: Duration = Duration::from_secs(60);
 
     fn everybody(_: &str) -> bool {
@@ -676,7 +678,8 @@ mod tests {
                     continue;
                 }
                 let Some(index) = self.queue.robot_of(&learner) else {
-                    let waits = self.queue.seen_by(&learner, now)["place"].is_u64();
+                    let waiting = &self.queue.waiting;
+                    let waits = waiting.iter().any(|one| one.learner == learner);
                     if !waits && self.chance(20) {
                         self.queue.ask(&learner, now).unwrap();
                         self.asked.insert(learner, now);
@@ -761,7 +764,7 @@ mod tests {
             let mut fewest = u32::MAX;
             let mut most = 0;
             let mut without = 0;
-            for seed in 0..200 {
+            for seed in 0..LESSONS {
                 let mut lesson = Lesson::new(seed, minutes, bad_luck);
                 lesson.play();
                 let turns = lesson.turns.values().copied();
@@ -777,8 +780,9 @@ mod tests {
                 }
             }
             println!(
-                "200 lessons, turns of {minutes} minutes, bad luck {bad_luck}: {fewest} to {most} turns \
-                 each, {without} of 5000 learners without one, longest wait {:.1} minutes",
+                "{LESSONS} lessons, turns of {minutes} minutes, bad luck {bad_luck}: {fewest} to {most} \
+                 turns each, {without} of {} learners without one, longest wait {:.1} minutes",
+                25 * LESSONS,
                 longest.as_secs_f64() / 60.0
             );
             assert!(bad_luck || without == 0, "{without} without a turn");
