@@ -1,12 +1,16 @@
 //! A class in the browser: one server on the teacher's computer, a page for each learner, a wall for
 //! all. Each learner has files in a folder and at most one run, a confined process (`learner`) that
-//! only this server reaches; the learner's page sees it through the server. What is decided is pure
-//! (`members`); this file holds the state and has the effects.
+//! only this server reaches; the learner's page sees it through the server. Real robots have agents
+//! of their own (`robot`), and learners take turns on them. What is decided is pure (`members`,
+//! `queue`); this file holds the state and has the effects.
 
 mod children;
 mod files;
 mod learner;
 mod members;
+mod queue;
+mod robot;
+mod robots;
 mod routes;
 
 use std::collections::{BTreeMap, HashMap};
@@ -18,34 +22,48 @@ use std::time::Duration;
 
 use axum::http::StatusCode;
 use parking_lot::{Mutex, MutexGuard};
+use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::Instant;
 use tokio_util::task::AbortOnDropHandle;
 
-use self::children::{Child, Launcher, end_script, no_run};
+pub use self::children::RobotSetup;
+use self::children::{Child, Launcher, ask, no_run};
 use self::files::Files;
 pub use self::learner::{LEARNER, learner_main};
 use self::learner::{RunNews, RunPlan};
 use self::members::{Device, Member, Members, RunState, TEACHER, class_word};
+use self::queue::TurnError;
+pub use self::robot::RobotAgent;
+use self::robots::Robots;
+use crate::agent::Change;
 use crate::clock::every;
+use crate::control::RunRequest;
 use crate::http::{self, Access, AccessError, Keyring, Options, Refusal, Role};
 use crate::rate_limit::TokenBucket;
 use crate::sim::World;
 
 /// The place of a script that belongs to no lesson.
 const FREE: &str = "free";
+/// The points of a lesson.
+const POINTS: u64 = 10;
 /// Checks, and inspections of texts, at the same time.
 const CHECKS: usize = 2;
 /// How often runs that nobody needs are looked for.
 const SWEEP: Duration = Duration::from_secs(5);
+/// How often it is looked for turns that are over.
+const BEAT: Duration = Duration::from_millis(250);
 /// A run whose script has ended stays this long, one that nobody looks at so long.
 const AFTER_END: Duration = Duration::from_secs(120);
 const UNSEEN: Duration = Duration::from_secs(60);
 /// Runs and checks of a learner: so many at once, and then so many per second.
 const ACTS: f64 = 10.0;
 const ACTS_RATE: f64 = 1.0;
+/// Inspections of a text: one after each pause while somebody types.
+const MARKS: f64 = 20.0;
+const MARKS_RATE: f64 = 2.0;
 
 /// A lesson as learners get it.
 #[derive(Debug, Clone)]
@@ -79,6 +97,15 @@ pub struct Setup {
     pub names: Vec<String>,
     pub options: Options,
     pub tools: Tools,
+    /// Learners take turns on these.
+    pub robots: Vec<RobotSetup>,
+}
+
+impl Setup {
+    /// The data folder of a robot's agent, in this folder of a class.
+    pub fn robot_folder(class: &Path, name: &str) -> PathBuf {
+        Files::own_of(class).join("robots").join(name)
+    }
 }
 
 /// Why a class cannot be served.
@@ -128,7 +155,7 @@ impl OpenClass {
         let members = members_of(&files, &word, &setup.names).map_err(unusable.clone())?;
         let launcher = Launcher::new(&own.join("runs")).map_err(unusable)?;
         let class = Arc::new(Class {
-            state: Mutex::new(State::new(members)),
+            state: Mutex::new(State::new(members, Robots::new(setup.robots))),
             files,
             tools: setup.tools,
             launcher,
@@ -151,11 +178,14 @@ impl OpenClass {
     /// Serves the class; never returns. Dropping the future ends all runs.
     pub async fn serve(self) {
         let class = self.class.clone();
-        let _sweeping = AbortOnDropHandle::new(tokio::spawn(async move {
-            let mut beat = every(SWEEP);
+        let _keeping = AbortOnDropHandle::new(tokio::spawn(async move {
+            let mut sweep = every(SWEEP);
+            let mut beat = every(BEAT);
             loop {
-                beat.tick().await;
-                class.sweep(Instant::now());
+                tokio::select! {
+                    _ = sweep.tick() => class.sweep(Instant::now()),
+                    _ = beat.tick() => class.beat(Instant::now()),
+                }
             }
         }));
         let router = routes::routes(self.class, self.access);
@@ -192,7 +222,9 @@ struct State {
     /// The teacher's own workspace.
     teacher: Member,
     runs: HashMap<String, Run>,
+    /// By the name of a learner, or `NAME/marks`.
     acts: HashMap<String, TokenBucket>,
+    robots: Robots,
     /// Number of runs so far.
     started: u64,
     frozen: bool,
@@ -212,12 +244,13 @@ struct Run {
 }
 
 impl State {
-    fn new(members: Members) -> State {
+    fn new(members: Members, robots: Robots) -> State {
         State {
             members,
             teacher: Member::default(),
             runs: HashMap::new(),
             acts: HashMap::new(),
+            robots,
             started: 0,
             frozen: false,
             shown: false,
@@ -240,20 +273,73 @@ impl State {
             let why = "the teacher has stopped everything for a moment";
             return Err(Refusal::new(StatusCode::CONFLICT, why));
         }
-        let bucket = || TokenBucket::new(ACTS, ACTS_RATE);
-        let acts = self.acts.entry(name.to_owned()).or_insert_with(bucket);
-        if !acts.take(1.0, now) {
-            let why = "too often: wait a moment";
-            return Err(Refusal::new(StatusCode::TOO_MANY_REQUESTS, why));
-        }
+        self.limit(name.to_owned(), ACTS, ACTS_RATE, now)?;
         let member = self.member(name).ok_or_else(unknown_name)?;
         member.act(now);
         Ok(())
     }
+
+    /// Refuses what comes too often: `most` at once, and then so many per second.
+    fn limit(&mut self, key: String, most: f64, rate: f64, now: Instant) -> Result<(), Refusal> {
+        let bucket = || TokenBucket::new(most, rate);
+        if self.acts.entry(key).or_insert_with(bucket).take(1.0, now) {
+            return Ok(());
+        }
+        let why = "too often: wait a moment";
+        Err(Refusal::new(StatusCode::TOO_MANY_REQUESTS, why))
+    }
+
+    /// What [`State::allow`] does for a script of this lesson, or of free play.
+    fn allow_place(&mut self, name: &str, place: &str, now: Instant) -> Result<(), Refusal> {
+        self.allow(name, now)?;
+        if self.locked && place == FREE && name != TEACHER {
+            let why = "the teacher has locked free play";
+            return Err(Refusal::new(StatusCode::FORBIDDEN, why));
+        }
+        Ok(())
+    }
+
+    /// Ends and begins turns on the real robots; returns whether any has changed.
+    fn take_turns(&mut self, now: Instant) -> bool {
+        let learners = &self.members.learners;
+        let teacher = &self.teacher;
+        let here = |name: &str| {
+            let member = if name == TEACHER {
+                Some(teacher)
+            } else {
+                learners.get(name)
+            };
+            member.is_some_and(|member| member.pages > 0)
+        };
+        self.robots.poll(now, here)
+    }
+}
+
+/// What to run.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RunOrder {
+    lesson: String,
+    world: Option<String>,
+    #[serde(default = "real_speed")]
+    speed: f64,
+}
+
+fn real_speed() -> f64 {
+    1.0
+}
+
+fn conflict(error: TurnError) -> Refusal {
+    Refusal::new(StatusCode::CONFLICT, error.to_string())
 }
 
 fn unknown_name() -> Refusal {
     Refusal::new(StatusCode::NOT_FOUND, "there is no learner of this name")
+}
+
+fn no_robot() -> Refusal {
+    let why = "this robot is not there: its agent does not run";
+    Refusal::new(StatusCode::NOT_FOUND, why)
 }
 
 fn internal(error: impl std::fmt::Display) -> Refusal {
@@ -313,55 +399,57 @@ impl Class {
     async fn start(
         self: &Arc<Class>,
         name: &str,
-        place: &str,
-        world: Option<String>,
-        speed: f64,
+        order: RunOrder,
         script: bool,
     ) -> Result<(), Refusal> {
-        let place = self.place(place)?;
+        let plan = self.plan(name, order, script).await?;
+        self.launch(name, plan)
+    }
+
+    /// Starts a learner's script on the real robot whose turn it is.
+    async fn start_turn(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<(), Refusal> {
+        // Before the script is read, and again afterwards.
+        let driver = self.state.lock().robots.queue.robot_of(name);
+        driver.ok_or(TurnError::NoTurn).map_err(conflict)?;
+        let plan = self.plan(name, order, true).await?;
+        let started = self.change().robots.start(name, plan, Instant::now());
+        started.map_err(conflict)
+    }
+
+    /// What a learner wants to run, if that is allowed now.
+    async fn plan(
+        self: &Arc<Class>,
+        name: &str,
+        order: RunOrder,
+        script: bool,
+    ) -> Result<RunPlan, Refusal> {
+        let place = self.place(&order.lesson)?;
         let lesson = self.lesson(&place);
-        let world = world.or(lesson.map(|lesson| lesson.world.to_owned()));
+        let world = order.world.or(lesson.map(|lesson| lesson.world.to_owned()));
         let world = world.unwrap_or_else(|| "yard".to_owned());
         if World::builtin_yaml(&world).is_none() {
-            return Err(Refusal::new(
-                StatusCode::NOT_FOUND,
-                "there is no such world",
-            ));
+            let why = "there is no such world";
+            return Err(Refusal::new(StatusCode::NOT_FOUND, why));
         }
         let starter = lesson.map_or("", |lesson| lesson.starter).to_owned();
-        let refused = || {
-            let why = "the teacher has locked free play";
-            Refusal::new(StatusCode::FORBIDDEN, why)
-        };
-        {
-            let mut state = self.change();
-            state.allow(name, Instant::now())?;
-            if state.locked && place == FREE && name != TEACHER {
-                return Err(refused());
-            }
-        }
+        self.change().allow_place(name, &place, Instant::now())?;
         let source = if script {
             let file = format!("{place}.lua");
             let learner = name.to_owned();
-            let kept = self
-                .block(move |class| class.files.keep(&learner, &file))
-                .await?;
-            Some(kept.map_err(internal)?.unwrap_or(starter))
+            let kept = self.block(move |class| class.files.keep(&learner, &file));
+            Some(kept.await?.map_err(internal)?.unwrap_or(starter))
         } else {
             None
         };
-        self.launch(
-            name,
-            RunPlan {
-                name: place,
-                source,
-                folder: self.files.of(name),
-                data: self.files.data_of(name),
-                world,
-                speed,
-                seed: rand::random(),
-            },
-        )
+        Ok(RunPlan {
+            name: place,
+            source,
+            folder: self.files.of(name),
+            data: self.files.data_of(name),
+            world,
+            speed: order.speed,
+            seed: rand::random(),
+        })
     }
 
     fn launch(self: &Arc<Class>, name: &str, plan: RunPlan) -> Result<(), Refusal> {
@@ -381,20 +469,16 @@ impl Class {
         if state.frozen {
             child.hold(true).map_err(internal)?;
         }
-        child.ended = if plan.source.is_none() {
-            Some(Instant::now())
-        } else {
-            None
-        };
         let running = plan.source.is_some();
-        state.runs.insert(
-            name.to_owned(),
-            Run {
-                number,
-                child,
-                unseen: None,
-            },
-        );
+        if !running {
+            child.ended = Some(Instant::now());
+        }
+        let run = Run {
+            number,
+            child,
+            unseen: None,
+        };
+        state.runs.insert(name.to_owned(), run);
         if let Some(member) = state.member(name) {
             member.place = plan.name.clone();
             member.run = RunState {
@@ -452,7 +536,59 @@ impl Class {
             let member = state.member(name).ok_or_else(unknown_name)?;
             (socket, member.run.place.clone())
         };
-        end_script(socket, place).await
+        let request = RunRequest::Behaviour {
+            name: place,
+            change: Change::Stop,
+            lasts: None,
+        };
+        let answer = ask(&socket, &request).await;
+        answer.map(drop).map_err(|_| no_run())
+    }
+
+    /// A learner wants a turn on a real robot, or none any more.
+    fn want_turn(&self, name: &str, wanted: bool, now: Instant) -> Result<(), Refusal> {
+        let mut state = self.change();
+        if wanted {
+            state.allow(name, now)?;
+            state.robots.queue.ask(name, now).map_err(conflict)?;
+        } else {
+            state.robots.queue.withdraw(name);
+        }
+        state.take_turns(now);
+        Ok(())
+    }
+
+    /// Starts the agents of the real robots if they do not run, and ends and begins turns.
+    fn beat(self: &Arc<Class>, now: Instant) {
+        let mut state = self.state.lock();
+        state.robots.launch(now, |index, setup| {
+            let class = Arc::downgrade(self);
+            self.launcher.start_robot(setup, move |news| {
+                if let Some(class) = class.upgrade() {
+                    let mut state = class.change();
+                    state.robots.hear(index, news);
+                    state.take_turns(Instant::now());
+                }
+            })
+        });
+        if state.take_turns(now) {
+            self.changed.send_replace(());
+        }
+    }
+
+    /// A person's STOP of a real robot, or its release.
+    async fn stop_robot(&self, robot: &str, on: bool) -> Result<(), Refusal> {
+        let socket = self.state.lock().robots.socket(robot);
+        let socket = socket.ok_or_else(no_robot)?;
+        let request = if on {
+            RunRequest::Stop
+        } else {
+            RunRequest::ResetStop
+        };
+        match ask(&socket, &request).await.map_err(internal)?.error() {
+            None => Ok(()),
+            Some(error) => Err(Refusal::new(StatusCode::CONFLICT, error)),
+        }
     }
 
     /// Ends the runs that nobody needs.
@@ -495,6 +631,9 @@ impl Class {
         for name in deaf {
             state.end_run(&name);
         }
+        let now = Instant::now();
+        state.robots.queue.freeze(on, now);
+        state.take_turns(now);
     }
 
     /// Checks a learner's script, and notes points and sentence.
@@ -549,7 +688,7 @@ impl Class {
                 .map_err(|error| error.to_string())?;
             if kept.is_none() {
                 return Ok(json!({
-                    "points": 0, "max_points": 10, "passed": false, "scenarios": [],
+                    "points": 0, "max_points": POINTS, "passed": false, "scenarios": [],
                     "sentence": "There is no script yet: write one first.",
                 }));
             }
@@ -598,7 +737,9 @@ impl Class {
         view["teacher_edits"] = state.teacher.edits.into();
         view["teacher_place"] = state.teacher.place.clone().into();
         view["teacher_run"] = json!(state.teacher.run);
+        view["turns"] = state.robots.seen_by(&name, now);
         if *caller == Caller::Teacher {
+            view["robots"] = state.robots.queue.wall(now);
             let tile = |(name, member): (&String, &Member)| member.tile(name, now);
             view["learners"] = state.members.learners.iter().map(tile).collect();
             view["waiting"] = state.members.waiting();

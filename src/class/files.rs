@@ -69,7 +69,11 @@ impl Files {
 
     /// The folder for what belongs to no learner.
     pub(super) fn own(&self) -> PathBuf {
-        self.folder.join(OWN)
+        Files::own_of(&self.folder)
+    }
+
+    pub(super) fn own_of(folder: &Path) -> PathBuf {
+        folder.join(OWN)
     }
 
     /// A learner's folder.

@@ -12,8 +12,7 @@ use std::process::{ExitCode, exit};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
-use tokio::sync::{mpsc, watch};
-use tokio::time::Instant;
+use tokio::sync::watch;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::{EnvFilter, Registry};
 
@@ -23,17 +22,18 @@ use crate::config::Config;
 use crate::control::{EmergencyStop, Run, SimulatedRobot};
 use crate::live::{self, LogTap, RunDefinition, Script, WebContext};
 use crate::pilot::{LinkState, Status};
-use crate::robot::{AgentEvent, BusMessage, EndReason, Listener, Priority, Streams};
+use crate::robot::{AgentEvent, BusMessage, EndReason, Listener, Priority};
 use crate::sandbox::confined_main;
 use crate::sim::{self, World};
 use crate::simulation::{self, SimClock, Simulation, TimeScale};
-use crate::timetable::View;
 use crate::{script, simulation::Options};
 
 /// The hidden argument that selects this purpose of a confined process.
 pub const LEARNER: &str = "learner";
+/// The order to stand; another one lets everything go on.
+pub(super) const HOLD: &str = "hold";
 /// Maximum length of what the server tells a run, in bytes.
-const MAX_TOLD: u64 = 2 << 20;
+pub(super) const MAX_TOLD: u64 = 2 << 20;
 /// A script that cannot be interrupted for this long ends the run.
 const STUCK_LIMIT: Duration = Duration::from_secs(5);
 
@@ -106,7 +106,7 @@ fn play() -> io::Result<()> {
 /// Holds the clock and lets it go on, as the server says; ends the process with the server.
 fn obey(told: impl io::BufRead, clock: &SimClock) {
     for line in told.lines().map_while(Result::ok) {
-        clock.hold(line == "hold");
+        clock.hold(serde_json::from_str::<String>(&line).is_ok_and(|order| order == HOLD));
     }
     exit(0);
 }
@@ -121,34 +121,31 @@ async fn drive(
         scripts: plan.script().into_iter().collect(),
         timetable: None,
     });
+    let config = Config {
+        camera: simulation.sim().world().camera.calibrated(),
+        ..Config::default()
+    };
     let agent_plan = Plan {
         stays: true,
-        specs: plan.spec(simulation).into_iter().collect(),
+        specs: plan.spec(&config).into_iter().collect(),
         ..simulation.plan(Vec::new())
     };
     let bus = agent_plan.pilot.bus.clone();
     let events = bus.subscribe();
     let for_page = bus.subscribe();
     let (agent, status) = Agent::new(agent_plan);
-    let (_view, seen) = View::channel();
     let run = Run {
-        requests: agent.requests(),
-        roster: agent.roster(),
-        status: status.clone(),
-        pictures: agent.pictures(),
-        reactions: agent.reactions(),
-        end: None,
-        emergency_stop: EmergencyStop::simulated(&bus),
-        streams: Streams::default(),
-        target: "a simulation".to_owned(),
         simulated: true,
         sim: Some(SimulatedRobot {
             robot: simulation.sim().clone(),
             sim_clock: simulation.sim_clock(),
         }),
-        began: Instant::now(),
-        view: seen,
-        timetable: mpsc::channel(1).0,
+        ..Run::new(
+            &agent,
+            "a simulation",
+            EmergencyStop::simulated(&bus),
+            status.clone(),
+        )
     };
     let context = WebContext {
         run,
@@ -203,7 +200,7 @@ async fn follow(
     }
 }
 
-fn what_failed(reason: EndReason, message: Option<&str>) -> Option<String> {
+pub(super) fn what_failed(reason: EndReason, message: Option<&str>) -> Option<String> {
     if is_failure(reason) {
         Some(message.unwrap_or(reason.sentence()).to_owned())
     } else {
@@ -226,13 +223,12 @@ impl RunPlan {
         })
     }
 
-    fn spec(&self, simulation: &Simulation) -> Option<BehaviourSpec> {
+    pub(super) fn spec(&self, config: &Config) -> Option<BehaviourSpec> {
         let source = self.source.clone()?.into_bytes();
         let options = script::Options {
             data_dir: Some(self.data.clone()),
             detections: true,
-            camera: simulation.sim().world().camera.calibrated(),
-            ..Config::default().script(self.name.clone(), self.file(), self.seed)
+            ..config.script(self.name.clone(), self.file(), self.seed)
         };
         let launch = Launch {
             source,

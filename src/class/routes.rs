@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use axum::extract::ws::{Message, WebSocket};
 use axum::extract::{
-    ConnectInfo, DefaultBodyLimit, FromRequestParts, Query, RawPathParams, Request, State,
+    ConnectInfo, DefaultBodyLimit, FromRequestParts, Path, Query, RawPathParams, Request, State,
     WebSocketUpgrade,
 };
 use axum::http::StatusCode;
@@ -23,11 +23,15 @@ use qrcode::{Color, EcLevel, QrCode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::time::{Instant, sleep, timeout};
+use tokio_util::sync::CancellationToken;
 
 use super::children::{no_run, pass_on};
 use super::files::{MAX_TEXT, Text, Written};
 use super::members::{Device, TEACHER};
-use super::{Caller, Class, internal, unknown_name};
+use super::queue::TurnError;
+use super::{
+    Caller, Class, MARKS, MARKS_RATE, POINTS, RunOrder, conflict, internal, no_robot, unknown_name,
+};
 use crate::http::{self, Access, Refusal, Role, Visitor};
 use crate::live::{installed, page_files, served};
 use crate::sim::World;
@@ -51,12 +55,16 @@ const BUNDLES: [&str; 2] = ["../share/spykee/editor", "../editor"];
 const MAX_BUNDLE: u64 = 8 << 20;
 const HTML: &str = "text/html; charset=utf-8";
 const JS: &str = "text/javascript; charset=utf-8";
+const PAGE: &[u8] = include_bytes!("page/index.html");
 const FILES: &[(&str, &str, &str)] = &[
     (
         "/class/style.css",
         "text/css; charset=utf-8",
         include_str!("page/style.css"),
     ),
+    ("/class/start.js", JS, include_str!("page/start.js")),
+    ("/class/turns.js", JS, include_str!("page/turns.js")),
+    ("/class/robots.js", JS, include_str!("page/robots.js")),
     ("/class/workspace.js", JS, include_str!("page/workspace.js")),
     ("/class/wall.js", JS, include_str!("page/wall.js")),
     ("/class/texts.js", JS, include_str!("page/texts.js")),
@@ -73,8 +81,8 @@ pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
     };
     let pages = FILES.iter().fold(Router::new(), add).merge(page_files());
     let pages = pages
-        .route("/", served(HTML, include_bytes!("page/index.html")))
-        .route("/wall", served(HTML, include_bytes!("page/wall.html")));
+        .route("/", served(HTML, PAGE))
+        .route("/wall", served(HTML, PAGE));
     let all = Router::new()
         .nest("/class", workspace())
         .nest("/class/of/{name}", workspace())
@@ -92,6 +100,9 @@ pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
         .route("/class/show", post(show))
         .route("/class/lock", post(lock))
         .route("/class/lesson", post(lesson_for_all))
+        .route("/class/minutes", post(minutes))
+        .route("/class/robots/{robot}/stop", post(stop_robot))
+        .route("/class/robots/{robot}/live", get(robot_live))
         .route("/class/points.csv", get(points))
         .route("/class/qr", get(qr))
         .layer(DefaultBodyLimit::max(MAX_BODY))
@@ -111,6 +122,10 @@ fn workspace() -> Router<Arc<Class>> {
         .route("/stop", post(stop))
         .route("/check", post(check))
         .route("/live", get(live))
+        .route("/turn", post(turn))
+        .route("/turn/run", post(turn_run))
+        .route("/turn/stop", post(turn_stop))
+        .route("/turn/live", get(turn_live))
 }
 
 /// A bundle that `scripts/editor` has built, where it is installed.
@@ -280,9 +295,12 @@ impl Presence {
 
 impl Drop for Presence {
     fn drop(&mut self) {
-        if let Some(member) = self.class.change().member(&self.name) {
+        let mut state = self.class.change();
+        if let Some(member) = state.member(&self.name) {
             member.pages = member.pages.saturating_sub(1);
         }
+        // A robot stands when the page of its driver is closed.
+        state.take_turns(Instant::now());
     }
 }
 
@@ -392,7 +410,7 @@ async fn write_script(
     if let Some(member) = class.change().member(&name) {
         member.act(now);
         member.place = which.lesson;
-        member.edits += 1;
+        member.edits += u64::from(matches!(written, Written::Done(_)));
         edits = member.edits;
     }
     Ok(match written {
@@ -401,19 +419,6 @@ async fn write_script(
         }
         Written::Conflict(newest) => (StatusCode::CONFLICT, Json(newest)).into_response(),
     })
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RunOrder {
-    lesson: String,
-    world: Option<String>,
-    #[serde(default = "real_speed")]
-    speed: f64,
-}
-
-fn real_speed() -> f64 {
-    1.0
 }
 
 async fn run(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
@@ -431,8 +436,7 @@ async fn start(
     script: bool,
 ) -> Reply {
     let name = target.changeable()?;
-    let started = class.start(&name, &order.lesson, order.world, order.speed, script);
-    started.await?;
+    class.start(&name, order, script).await?;
     Ok(Json(json!({})))
 }
 
@@ -461,7 +465,72 @@ async fn live(State(class): Shared, target: Target, request: Request) -> Reply<R
         let run = state.runs.get(&target.name).ok_or_else(no_run)?;
         run.child.socket()
     };
-    Ok(pass_on(&socket, "/live", target.may_change, request).await)
+    let never = CancellationToken::new();
+    Ok(pass_on(&socket, "/live", target.may_change, never, request).await)
+}
+
+async fn turn(State(class): Shared, target: Target, Json(Switch { on }): Json<Switch>) -> Reply {
+    class.want_turn(&target.changeable()?, on, Instant::now())?;
+    Ok(Json(json!({})))
+}
+
+async fn turn_run(State(class): Shared, target: Target, Json(order): Json<RunOrder>) -> Reply {
+    class.start_turn(&target.changeable()?, order).await?;
+    Ok(Json(json!({})))
+}
+
+async fn turn_stop(State(class): Shared, target: Target) -> Reply {
+    let name = target.changeable()?;
+    class.change().robots.halt(&name).map_err(conflict)?;
+    Ok(Json(json!({})))
+}
+
+/// What the driver of a real robot sees, until the turn is over: a viewer cannot drive by hand nor
+/// release STOP.
+async fn turn_live(State(class): Shared, target: Target, request: Request) -> Reply<Response> {
+    let driver = class.state.lock().robots.of_driver(&target.name);
+    let (socket, turn_over) = driver.ok_or_else(|| conflict(TurnError::NoTurn))?;
+    Ok(pass_on(&socket, "/live", false, turn_over, request).await)
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Minutes {
+    minutes: u64,
+}
+
+async fn minutes(State(class): Shared, _: Teacher, Json(new): Json<Minutes>) -> Reply {
+    let set = class.change().robots.queue.set_minutes(new.minutes);
+    set.map_err(|error| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
+    Ok(Json(json!({})))
+}
+
+async fn stop_robot(
+    State(class): Shared,
+    _: Teacher,
+    Path(robot): Path<String>,
+    Json(Switch { on }): Json<Switch>,
+) -> Reply {
+    class.stop_robot(&robot, on).await?;
+    Ok(Json(json!({})))
+}
+
+async fn robot_live(
+    State(class): Shared,
+    _: Teacher,
+    Path(robot): Path<String>,
+    request: Request,
+) -> Reply<Response> {
+    let socket = class.state.lock().robots.socket(&robot);
+    let never = CancellationToken::new();
+    Ok(pass_on(
+        &socket.ok_or_else(no_robot)?,
+        "/live",
+        false,
+        never,
+        request,
+    )
+    .await)
 }
 
 #[derive(Deserialize)]
@@ -473,11 +542,12 @@ struct Marked {
 
 async fn marks(State(class): Shared, target: Target, Json(marked): Json<Marked>) -> Reply {
     let place = class.place(&marked.lesson)?;
-    class
-        .state
-        .lock()
-        .member(&target.name)
-        .ok_or_else(unknown_name)?;
+    {
+        let mut state = class.state.lock();
+        state.member(&target.name).ok_or_else(unknown_name)?;
+        let key = format!("{}/marks", target.name);
+        state.limit(key, MARKS, MARKS_RATE, Instant::now())?;
+    }
     let _permit = class.inspections.acquire().await.map_err(internal)?;
     let file = class.files.of(&target.name).join(format!("{place}.lua"));
     let found = class
@@ -517,7 +587,7 @@ async fn lessons(State(class): Shared, _: Target) -> Json<Value> {
     let worlds: Vec<&str> = World::builtin_names().collect();
     let has = |name| installed(BUNDLES, name).is_some();
     Json(json!({
-        "lessons": lessons, "worlds": worlds,
+        "lessons": lessons, "worlds": worlds, "points": POINTS,
         "editor": has("editor.js"), "blocks": has("blocks.js"),
     }))
 }
@@ -551,6 +621,8 @@ async fn dismiss(State(class): Shared, _: Teacher, Json(Name { name }): Json<Nam
             return Err(unknown_name());
         }
         state.end_run(&name);
+        state.robots.queue.withdraw(&name);
+        state.take_turns(Instant::now());
     }
     class.save().await?;
     Ok(Json(json!({})))

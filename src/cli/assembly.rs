@@ -7,7 +7,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::{Notify, mpsc, watch};
-use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::connection::{ChosenRobot, RobotTarget};
@@ -77,6 +76,8 @@ pub(super) struct RunRobot {
 /// A run that has been assembled, for its `drive`.
 pub(super) struct StartedRun {
     pub(super) agent: Agent,
+    /// The handles through which persons control it.
+    pub(super) control: control::Run,
     pub(super) status: watch::Receiver<Status>,
     pub(super) bus: Bus,
     /// Told of each heartbeat of the driving core.
@@ -199,26 +200,19 @@ impl RunSetup {
         let (view, seen) = View::channel();
         let (timetable, changes) = mpsc::channel(MAX_CHANGES);
         let control = control::Run {
-            requests: agent.requests(),
-            roster: agent.roster(),
-            status: status.clone(),
-            pictures: agent.pictures(),
-            reactions: agent.reactions(),
-            end: None,
-            emergency_stop: robot.emergency_stop,
             streams: self.config.streams,
-            target: robot.target,
             simulated: robot.sim.is_some(),
             sim: self.page.as_ref().and(robot.sim),
-            began: Instant::now(),
             view: seen,
             timetable,
+            ..control::Run::new(&agent, &robot.target, robot.emergency_stop, status.clone())
         };
         let page = self.page.take();
         let page =
             page.map(|page| live::serve(&self.config, control.clone(), page, listener, console));
         let started = StartedRun {
             agent,
+            control: control.clone(),
             status,
             bus,
             beats,

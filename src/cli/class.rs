@@ -1,23 +1,33 @@
 //! `spykee class`: lessons for a class in the browser.
 
+use std::ffi::{OsStr, OsString};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::assembly::{RunSetup, exit_of};
+use super::connection::no_robot;
 use super::interrupt::unless_interrupted;
 use super::settings::CommandSettings;
 use super::startup::runtime;
 use super::token::address_for_others;
-use super::{Console, Exit, Failure, check, lesson, print};
+use super::{ConnectionArgs, Console, Exit, Failure, LoginArgs, argument, check, lesson, print};
 use crate::check::{Diagnostic, Severity};
-use crate::class::{ClassError, OpenClass, Setup, Tools};
-use crate::config::Config;
-use crate::files;
+use crate::class::{ClassError, OpenClass, RobotAgent, RobotSetup, Setup, Tools};
+use crate::config::{Config, Effective};
 use crate::http::Options;
+use crate::journal::When;
+use crate::link::Target;
+use crate::{files, sim};
 
 /// The port of the class's page.
 const PORT: u16 = 7799;
+/// The world of robots that are simulated in the place of real ones, and their greatest number.
+const WORLD: &str = "yard";
+const MAX_SIMULATED: u8 = 8;
+/// The robot's own port, which its name does not mention.
+const USUAL_PORT: &str = ":9000";
 /// Maximum length of the list of names, in bytes.
 const MAX_NAMES: u64 = 1 << 20;
 
@@ -28,7 +38,7 @@ const MAX_NAMES: u64 = 1 << 20;
 /// points. Each run is a confined process of this computer. The page is not encrypted: see the book.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
-    after_help = "Examples:\n  spykee class robots-8b --names 8b.txt\n  spykee class --listen 127.0.0.1:7799"
+    after_help = "Examples:\n  spykee class robots-8b --names 8b.txt\n  spykee class robots-8b --robot 172.17.6.1 --robot 172.17.6.2\n  spykee class --listen 127.0.0.1:7799"
 )]
 pub(super) struct ClassArgs {
     /// Folder of the class; created if it does not exist
@@ -39,9 +49,25 @@ pub(super) struct ClassArgs {
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
 
+    /// A real robot that learners take turns on [default port: 9000]; may be repeated
+    #[arg(long = "robot", value_name = "HOST[:PORT]", conflicts_with = "sim")]
+    robots: Vec<Target>,
+
+    /// Use so many simulated robots in the place of real ones
+    #[arg(long, value_name = "NUMBER", num_args = 0..=1, default_missing_value = "1",
+          value_parser = argument::whole(1..=MAX_SIMULATED))]
+    sim: Option<u8>,
+
+    /// Be the agent of one of these robots, for the class that has started this process: its data folder
+    #[arg(long, hide = true)]
+    agent_in: Option<PathBuf>,
+
     /// Address of the page [default: that of this computer in its network, port 7799]
     #[arg(long, value_name = "IP:PORT")]
     listen: Option<SocketAddr>,
+
+    #[command(flatten)]
+    login: LoginArgs,
 }
 
 pub(super) fn run(
@@ -49,6 +75,9 @@ pub(super) fn run(
     settings: &CommandSettings,
     console: &Console,
 ) -> Result<Exit, Failure> {
+    if let Some(data) = &args.agent_in {
+        return run_agent(args, data, settings, console);
+    }
     let names = match &args.names {
         Some(path) => names(path)?,
         None => Vec::new(),
@@ -62,6 +91,7 @@ pub(super) fn run(
             hosts: settings.config()?.live.hosts.clone(),
         },
         tools: tools(console),
+        robots: robots(args, settings)?,
     };
     // Runs die with the thread that starts them: this one.
     runtime()?.block_on(async {
@@ -73,6 +103,101 @@ pub(super) fn run(
             None => Exit::Interrupted,
         })
     })
+}
+
+/// The real robots of the class, or the simulated ones in their place.
+fn robots(args: &ClassArgs, settings: &CommandSettings) -> Result<Vec<RobotSetup>, Failure> {
+    // A wrong password is said now.
+    args.login.login(settings.load()?)?;
+    let folder = std::path::absolute(&args.folder).map_err(Failure::internal)?;
+    let mut common: Vec<OsString> = vec!["class".into()];
+    let mut add = |flag: &str, value: Option<&OsStr>| {
+        common.extend(
+            value
+                .into_iter()
+                .flat_map(|value| [flag.into(), value.to_owned()]),
+        );
+    };
+    add("--config", settings.file().map(Path::as_os_str));
+    add("--user", args.login.user.as_deref().map(OsStr::new));
+    add(
+        "--password-file",
+        args.login.password_file.as_deref().map(Path::as_os_str),
+    );
+    let setup = |name: String, robot: &[OsString]| {
+        let data = Setup::robot_folder(&folder, &name);
+        let agent: [OsString; 2] = ["--agent-in".into(), data.clone().into()];
+        RobotSetup {
+            arguments: [&common[..], &agent, robot].concat(),
+            name,
+            data,
+        }
+    };
+    let simulated = 1..=args.sim.unwrap_or(0);
+    let simulated = simulated.map(|number| setup(format!("simulated-{number}"), &["--sim".into()]));
+    let mut robots: Vec<RobotSetup> = simulated.collect();
+    for target in &args.robots {
+        let target = target.to_string();
+        let name = target.trim_end_matches(USUAL_PORT).replace(':', "-");
+        if robots.iter().any(|robot| robot.name == name) {
+            let failure = Failure::usage(format_args!("the robot {target} is named twice"));
+            return Err(failure.help("name each robot once: --robot A --robot B"));
+        }
+        robots.push(setup(name, &["--robot".into(), target.into()]));
+    }
+    Ok(robots)
+}
+
+/// Is the agent of one robot of a class, which tells it what to do. The notifications and the broker of
+/// the config are not the class's.
+fn run_agent(
+    args: &ClassArgs,
+    data: &Path,
+    settings: &CommandSettings,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let effective = settings.load()?;
+    let mut config = Config {
+        data: Some(data.to_owned()),
+        ..effective.config.clone()
+    };
+    config.journal.record = When::Off;
+    let login = args.login.login(effective)?;
+    let connection = ConnectionArgs {
+        robot: args.robots.first().cloned(),
+        sim: args.sim.map(|_| Some(PathBuf::from(WORLD))),
+        login: args.login.clone(),
+    };
+    let robot = connection.choose(&mut config)?.ok_or_else(no_robot)?;
+    let setup = RunSetup {
+        config: config.clone(),
+        sim_options: sim::Options {
+            login,
+            seed: rand::random(),
+            ..sim::Options::default()
+        },
+        fast: false,
+        date: None,
+        waits: true,
+        names: "serves a class".to_owned(),
+        behaviours: Vec::new(),
+        specs: Vec::new(),
+        limit: None,
+        page: None,
+        trace: None,
+        events: None,
+        is_service: true,
+    };
+    setup.run(
+        robot,
+        &Effective::default(),
+        console,
+        async move |started| {
+            let agent = RobotAgent::open(started.control, &started.bus, config);
+            let agent = agent.map_err(|error| Failure::io("hear the class", error))?;
+            exit_of(agent.run(started.agent, started.stop).await, true)
+        },
+    )
 }
 
 /// The names in a file, one per line.

@@ -15,7 +15,7 @@ use super::request::RunRequest;
 use super::response::RunResponse;
 use super::run_status::{self, BehaviourListing, RunStatus};
 use super::world_change::SimulatedRobot;
-use crate::agent::{Change, PilotClient, PilotClientError, Roster, RosterError};
+use crate::agent::{Agent, Change, PilotClient, PilotClientError, Roster, RosterError};
 use crate::clock::Span;
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
@@ -82,6 +82,31 @@ pub struct Run {
 }
 
 impl Run {
+    /// A run of this agent on a genuine robot, without a timetable, that a STOP does not end.
+    pub fn new(
+        agent: &Agent,
+        target: &str,
+        emergency_stop: EmergencyStop,
+        status: watch::Receiver<Status>,
+    ) -> Run {
+        Run {
+            requests: agent.requests(),
+            roster: agent.roster(),
+            status,
+            pictures: agent.pictures(),
+            end: None,
+            emergency_stop,
+            streams: Streams::default(),
+            target: target.to_owned(),
+            simulated: false,
+            began: Instant::now(),
+            view: View::channel().1,
+            timetable: mpsc::channel(1).0,
+            sim: None,
+            reactions: agent.reactions(),
+        }
+    }
+
     /// Performs one request in the name of `by`, for the journal. Dropping the future cancels it,
     /// but not a STOP or its release.
     pub async fn perform(&self, request: RunRequest, by: &str) -> RunResponse {

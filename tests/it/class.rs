@@ -9,11 +9,13 @@ use serde_json::{Value, json};
 use tokio::time::{sleep, timeout};
 
 use crate::live::browser::{Page, ask, send};
-use crate::rig::{Run, WAIT_LIMIT, children_of, run_in, state_of};
+use crate::rig::{Rig, Run, WAIT_LIMIT, children_of, end_guardians, moves, run_in, state_of};
 
 const LESSON: &str = "03-moving";
 const DRIVES: &str = "while true do robot.move(30, -30, 0.5) end";
 const ATTACKS: &str = include_str!("../hostile/class.txt");
+const UPGRADE: &str = "Upgrade: websocket; Connection: Upgrade; \
+                       Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==; Sec-WebSocket-Version: 13";
 
 struct Class {
     folder: tempfile::TempDir,
@@ -37,7 +39,17 @@ impl Class {
     }
 
     async fn start_in(folder: tempfile::TempDir) -> Class {
-        let args = ["class", "8b", "--listen", "127.0.0.1:0"];
+        Class::start_with(folder, &[]).await
+    }
+
+    /// A class with this real robot.
+    async fn with_robot(rig: &Rig) -> Class {
+        let folder = tempfile::tempdir().unwrap();
+        Class::start_with(folder, &["--robot", &rig.address]).await
+    }
+
+    async fn start_with(folder: tempfile::TempDir, more: &[&str]) -> Class {
+        let args = [&["class", "8b", "--listen", "127.0.0.1:0"], more].concat();
         let server = Run::start(&args, folder.path(), Stdio::null(), &[]);
         server.says("Ctrl-C ends the class").await;
         let text = server.text();
@@ -128,6 +140,43 @@ impl Class {
         page
     }
 
+    /// The page of somebody, who is there as long as it is open.
+    async fn page(&self, who: &str) -> Page {
+        let page = Page::open_at(&self.address, "/class/events", who).await;
+        page.unwrap()
+    }
+
+    /// A learner whose turn it is on the real robot, with the page.
+    async fn driver(&self, name: &str) -> (String, Page) {
+        let who = self.learner(name).await;
+        self.write(&who, DRIVES).await;
+        let mut page = self.page(&who).await;
+        self.ok(&who, "POST /class/turn", json!({ "on": true }))
+            .await;
+        has_turn(&mut page).await;
+        (who, page)
+    }
+
+    async fn drive(&self, who: &str) {
+        let order = json!({ "lesson": LESSON });
+        self.ok(who, "POST /class/turn/run", order).await;
+    }
+
+    /// What the teacher switches.
+    async fn switch(&self, what: &str, on: bool) {
+        let line = format!("POST /class/{what}");
+        self.ok(&self.teacher, &line, json!({ "on": on })).await;
+    }
+
+    /// Waits for a state of the only robot on the wall.
+    async fn robot_is(&self, states: &[&str]) {
+        let is = |wall: &Value| {
+            let state = wall["robots"]["robots"][0]["state"].as_str();
+            states.contains(&state.unwrap())
+        };
+        self.until(&self.teacher, is).await;
+    }
+
     /// Waits for a state of the caller's page.
     async fn until(&self, who: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let mut page = Page::open_at(&self.address, "/class/events", who)
@@ -135,6 +184,28 @@ impl Class {
             .unwrap();
         page.until("state", wanted).await
     }
+}
+
+impl Drop for Class {
+    fn drop(&mut self) {
+        // The guardians of agents that a test has killed.
+        end_guardians(self.folder.path());
+    }
+}
+
+async fn has_turn(page: &mut Page) {
+    page.until("state", |state| !state["turns"]["turn"].is_null())
+        .await;
+}
+
+/// Whether the learner's script on the real robot has ended, and the robot stands.
+fn stands(state: &Value) -> bool {
+    state["turns"]["turn"]["runs"] == false
+}
+
+/// The name of the robot, as the class calls it.
+fn name_of(rig: &Rig) -> String {
+    rig.address.replace(':', "-")
 }
 
 fn script() -> String {
@@ -238,7 +309,8 @@ async fn a_killed_server_leaves_no_process_and_the_class_goes_on_where_it_stoppe
     class.server.signal(Signal::KILL);
     class.server.status().await;
     gone(&runs).await;
-    let again = Class::start_in(class.folder).await;
+    let folder = std::mem::replace(&mut class.folder, tempfile::tempdir().unwrap());
+    let again = Class::start_in(folder).await;
     let script = again.ok(&ada, &script(), Value::Null).await;
     assert_eq!(script["text"], DRIVES, "the same cookie, the same text");
 }
@@ -373,9 +445,11 @@ async fn the_teachers_screen_can_be_seen_by_all_and_changed_by_none() {
 /// The requests of `tests/hostile/class.txt`.
 #[tokio::test(flavor = "multi_thread")]
 async fn no_learner_reaches_anothers_things_or_the_teachers_rights() {
-    let class = Class::start().await;
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
     let ada = class.learner("Ada").await;
-    let bo = class.learner("Bo").await;
+    let (bo, _page) = class.driver("Bo").await;
+    class.drive(&bo).await;
     let eve = class.join("Eve").await;
     class.write(&ada, "-- Ada").await;
     class.run(&bo, DRIVES).await;
@@ -392,9 +466,13 @@ async fn no_learner_reaches_anothers_things_or_the_teachers_rights() {
         let cookie = match who {
             "Ada" => &ada,
             "Eve" => &eve,
+            "teacher" => &class.teacher,
             _ => "",
         };
+        let line = line.replace("ROBOT", &name_of(&rig));
+        let line = line.as_str();
         let mut all = cookie.to_owned();
+        let headers = headers.replace("UPGRADE", UPGRADE);
         headers
             .split("; ")
             .filter(|one| one.contains(": "))
@@ -415,7 +493,156 @@ async fn no_learner_reaches_anothers_things_or_the_teachers_rights() {
     let wall = class.state(&class.teacher).await;
     assert_eq!(wall["frozen"], false);
     assert_eq!(wall["waiting"][0]["name"], "Eve");
+    let robots = &wall["robots"];
+    assert_eq!(robots["robots"][0]["driver"], "Bo", "{robots}");
+    assert_eq!(robots["minutes"], 3, "{robots}");
     turns(&mut robot).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_turn_drives_the_real_robot_and_ends_with_its_stop_before_the_next_begins() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, _page) = class.driver("Ada").await;
+    let bo = class.learner("Bo").await;
+    class.write(&bo, DRIVES).await;
+    let mut bo_page = class.page(&bo).await;
+    class
+        .ok(&bo, "POST /class/turn", json!({ "on": true }))
+        .await;
+    let waits = |state: &Value| state["turns"]["place"] == 1;
+    bo_page.until("state", waits).await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(0).await;
+    let mut robot = class.robot(&ada, "/class/turn").await;
+    robot
+        .until("hello", |hello| hello["role"] == "viewer")
+        .await;
+    robot.send_text("{\"type\":\"reset_stop\"}").await;
+    robot
+        .until("notice", |notice| notice["key"] == "viewer_only")
+        .await;
+    // The learner ends the turn early: the robot stands, and what was seen of it is closed.
+    class
+        .ok(&ada, "POST /class/turn", json!({ "on": false }))
+        .await;
+    let stopped = rig.heard_stop(moving).await;
+    robot.closed().await;
+    has_turn(&mut bo_page).await;
+    class.drive(&bo).await;
+    let moving = rig.heard_motion(stopped).await;
+    class.ok(&bo, "POST /class/turn/stop", Value::Null).await;
+    let stopped = rig.heard_stop(moving).await;
+    class.until(&bo, stands).await;
+    class.write(&bo, "error('of Bo')").await;
+    class.drive(&bo).await;
+    let failed = |state: &Value| {
+        state["turns"]["turn"]["error"]
+            .to_string()
+            .contains("of Bo")
+    };
+    bo_page.until("state", failed).await;
+    class.write(&bo, DRIVES).await;
+    class.drive(&bo).await;
+    let moving = rig.heard_motion(stopped).await;
+    drop(bo_page);
+    rig.heard_stop(moving).await;
+    rig.stands_still().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets_go() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, mut page) = class.driver("Ada").await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(0).await;
+    class.switch("freeze", true).await;
+    let stopped = rig.heard_stop(moving).await;
+    let order = json!({ "lesson": LESSON });
+    let refused = class.ask(&ada, "POST /class/turn/run", order.clone()).await;
+    assert_eq!(refused.0, 409, "{}", refused.1);
+    class.until(&ada, stands).await;
+    class.switch("freeze", false).await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(stopped).await;
+    let stop = format!("robots/{}/stop", name_of(&rig));
+    class.switch(&stop, true).await;
+    let stopped = rig.heard_stop(moving).await;
+    class.robot_is(&["stopped"]).await;
+    let refused = class.ask(&ada, "POST /class/turn/run", order).await;
+    assert_eq!(refused.0, 409, "{}", refused.1);
+    // The rest of the turn is given back, and comes first.
+    page.until("state", |state| state["turns"]["place"] == 1)
+        .await;
+    rig.stands_still().await;
+    assert!(!rig.commands(stopped).iter().any(moves));
+    class.switch(&stop, false).await;
+    has_turn(&mut page).await;
+    class.drive(&ada).await;
+    rig.heard_motion(stopped).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_stands_when_its_agent_or_the_server_is_killed() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, mut page) = class.driver("Ada").await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(0).await;
+    let agents = children_of(class.server.pid());
+    assert_eq!(agents.len(), 1);
+    rustix::process::kill_process(agents[0], Signal::KILL).unwrap();
+    let stopped = rig.heard_stop(moving).await;
+    // Another agent takes its place.
+    page.until("state", |state| state["turns"]["turn"]["number"] == 2)
+        .await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(stopped).await;
+    let agents = children_of(class.server.pid());
+    class.server.signal(Signal::KILL);
+    rig.heard_stop(moving).await;
+    rig.stands_still().await;
+    gone(&agents).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_low_robot_goes_home_whoever_drives_and_comes_back_when_it_is_charged() {
+    let rig = Rig::near_home().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, mut page) = class.driver("Ada").await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    let docks = rig.heard_dock(moving).await;
+    class.robot_is(&["going_home", "charging"]).await;
+    page.until("state", |state| state["turns"]["place"] == 1)
+        .await;
+    class.robot_is(&["charging"]).await;
+    rig.sim.set_battery(59.0);
+    let level = |wall: &Value| wall["robots"]["robots"][0]["percent"].as_u64() >= Some(59);
+    class.until(&class.teacher, level).await;
+    assert!(!rig.commands(docks).iter().any(moves));
+    rig.sim.set_battery(90.0);
+    has_turn(&mut page).await;
+    // It leaves its station by itself.
+    class.drive(&ada).await;
+    rig.heard_motion(docks).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn simulated_robots_take_the_place_of_real_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let class = Class::start_with(folder, &["--sim", "2"]).await;
+    let (ada, _page) = class.driver("Ada").await;
+    class.drive(&ada).await;
+    let mut robot = class.robot(&ada, "/class/turn").await;
+    let moves = |state: &Value| state["tracks"] == json!([30, -30]);
+    robot.until("state", moves).await;
+    class.ok(&ada, "POST /class/turn/stop", Value::Null).await;
+    class.until(&ada, stands).await;
+    let wall = class.state(&class.teacher).await;
+    assert_eq!(wall["robots"]["robots"].as_array().unwrap().len(), 2);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -138,7 +138,7 @@ impl Drop for Rig {
 
 /// Ends the guardians of runs in this folder. Those of killed agents would dial for ten minutes, and the
 /// address may be that of another test's robot by then.
-fn end_guardians(folder: &Path) {
+pub fn end_guardians(folder: &Path) {
     let folder = folder.to_string_lossy().into_owned();
     let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     for process in processes {

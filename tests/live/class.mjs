@@ -16,7 +16,8 @@ const DRIVES = "local easy = require(\"@spykee/easy\")\nwhile true do\n\teasy.le
 const WAIT_LIMIT = 60_000;
 /** How long the load is measured. */
 const LOAD = 20_000;
-const STUCK = 6;
+/** So many of thirty learners repeat an error: of fewer, a fifth. */
+const STUCK = Math.max(1, Math.floor(learners / 5));
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), "spykee-class-"));
 const rest = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
@@ -212,7 +213,7 @@ async function editToWall(teacher, learner) {
   return (Date.now() - began) / 1000;
 }
 
-/** Six learners repeat an error, the others make different ones. Returns how many are flagged wrongly, or not. */
+/** Some learners repeat an error, the others make different ones. Returns how many are flagged wrongly, or not. */
 async function flags(teacher, clients) {
   const stuck = new Set(clients.slice(0, STUCK).map(({ name }) => name));
   const fails = async (learner, error) => {

@@ -1,5 +1,6 @@
 // The robot of one run: camera, map and output are the panels of the live page.
 
+import { battery } from "/battery.js";
 import { camera } from "/camera.js";
 import { Connection } from "/connection.js";
 import { h } from "/dom.js";
@@ -13,11 +14,15 @@ export function robot(showLine = () => {}) {
   const command = (what) => connection.command(what);
   const none = h("p", { class: "quiet card" }, t("no_run"));
   const output = log(connection, (_, line) => showLine(line));
-  const panels = h("div", { class: "panels", hidden: true }, camera(connection), map(connection, command));
+  const level = battery(connection);
+  const panels = h("div", { class: "panels", hidden: true }, camera(connection), map(connection, command), level);
   let shown = "";
 
-  connection.on("hello", ({ role }) => {
+  connection.on("hello", ({ role, world }) => {
     document.body.classList.toggle("viewer", role === "viewer");
+    // A real robot has a battery to look after, and no map.
+    panels.classList.toggle("real", !world);
+    level.hidden = world;
     connection.watch({ map: true, log: true });
   });
 

@@ -23,6 +23,14 @@ export async function ask(path, body, { method = "POST", keepalive = false } = {
   }
 }
 
+/** Sends a request to the class; `show` gets a sentence if it fails. */
+export async function post(what, body, show) {
+  const answer = await ask(`/class/${what}`, body);
+  if (!answer.ok) {
+    show(answer.error || t("server_lost"));
+  }
+}
+
 /** Fetches something as JSON. */
 export const fetchJson = (path) => ask(path, undefined, { method: "GET" });
 

@@ -5,8 +5,9 @@ import { h, remember, remembered, s, say } from "/dom.js";
 import { logInByLink } from "/login.js";
 import { t } from "/texts.js";
 import { robot } from "./robot.js";
+import { robots } from "./robots.js";
 import { script } from "./script.js";
-import { ask, connectionBanner, fetchJson, follow, me } from "./server.js";
+import { connectionBanner, fetchJson, follow, me, post as send } from "./server.js";
 
 const app = document.getElementById("app");
 
@@ -19,17 +20,21 @@ function qrCode(rows) {
 }
 
 async function wall(first) {
-  const { lessons, editor: hasEditor } = await fetchJson("/class/lessons");
+  const { lessons, editor: hasEditor, points: full } = await fetchJson("/class/lessons");
   const { rows, link } = await fetchJson("/class/qr");
   let state = first;
   let focused = null;
-  const post = async (what, body) => {
-    const answer = await ask(`/class/${what}`, body);
-    if (!answer.ok) {
-      say(trouble, answer.error || t("server_lost"));
-    }
-  };
   const trouble = h("p", { class: "trouble", role: "alert" });
+  const post = (what, body) => {
+    say(trouble, "");
+    return send(what, body, (sentence) => say(trouble, sentence));
+  };
+  const isHidden = () => hide.getAttribute("aria-pressed") === "true";
+  const nameOf = (name) => {
+    const number = state.learners.findIndex((one) => one.name === name) + 1;
+    return isHidden() && number ? t("learner", { number }) : name;
+  };
+  const fleet = robots(post, nameOf);
   const { banner, lost } = connectionBanner();
   const toggle = (key, path) => {
     const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => post(path, { on: button.getAttribute("aria-pressed") !== "true" }) }, t(key));
@@ -41,7 +46,7 @@ async function wall(first) {
   const lock = toggle("lock_free", "lock");
   const hide = h("button", {
     type: "button", "aria-pressed": remembered("class-hide", "false"), onclick: () => {
-      hide.setAttribute("aria-pressed", String(hide.getAttribute("aria-pressed") !== "true"));
+      hide.setAttribute("aria-pressed", String(!isHidden()));
       remember("class-hide", hide.getAttribute("aria-pressed"));
       show(state);
     },
@@ -112,10 +117,11 @@ async function wall(first) {
     return made.get(name);
   }
 
-  function fill(learner, index, hidden) {
+  function fill(learner) {
     const one = tile(learner.name);
+    const hidden = isHidden();
     const { run, flags, points } = learner;
-    say(one.who, hidden ? t("learner", { number: index + 1 }) : learner.name);
+    say(one.who, nameOf(learner.name));
     const title = lessons.find(({ name }) => name === learner.place)?.title ?? (learner.place ? t("free_play") : "");
     const doing = !learner.present ? t("away") : learner.checking ? t("checking") : run.running ? t("runs") : "";
     say(one.what, [title, doing].filter(Boolean).join(" · "));
@@ -127,7 +133,7 @@ async function wall(first) {
     lessons.forEach(({ name }, at) => {
       const dot = one.dots.children[at];
       const has = hidden ? undefined : points[name];
-      dot.className = `dot ${has === 10 ? "full" : has === undefined ? "" : "part"}`;
+      dot.className = `dot ${has === full ? "full" : has === undefined ? "" : "part"}`;
     });
     one.dots.setAttribute("aria-hidden", "true");
     return one.element;
@@ -140,8 +146,8 @@ async function wall(first) {
     }
     say(freeze, t(now.frozen ? "unfreeze" : "freeze"));
     forAll.value = now.lesson ?? "";
-    const hidden = hide.getAttribute("aria-pressed") === "true";
-    const shown = now.learners.map((learner, index) => fill(learner, index, hidden));
+    fleet.show(now.robots);
+    const shown = now.learners.map(fill);
     if (shown.some((one, at) => tiles.children[at] !== one) || tiles.childElementCount !== shown.length) {
       tiles.replaceChildren(...shown);
     }
@@ -169,7 +175,7 @@ async function wall(first) {
         h("div", {}, h("p", { class: "quiet" }, t("open_link")), h("p", { class: "figure" }, link.replace(/^http:\/\/|\/$/g, "")),
           h("p", { class: "quiet" }, t("word")), h("p", { class: "figure word" }, first.word))),
       h("section", { "aria-label": t("wants_in"), "aria-live": "polite" }, waiting),
-      trouble, tiles),
+      trouble, fleet.element, tiles),
     dialog);
   show(first);
   return { show, lost };

@@ -5,7 +5,8 @@ import { t } from "/texts.js";
 import { markdown } from "./lesson.js";
 import { robot } from "./robot.js";
 import { script } from "./script.js";
-import { ask, connectionBanner, fetchJson, follow, me } from "./server.js";
+import { ask, connectionBanner, fetchJson, follow, me, post } from "./server.js";
+import { turns } from "./turns.js";
 
 const FREE = "free";
 const NOTICE = 6000;
@@ -54,11 +55,13 @@ function showCheck(element, check, checking) {
 }
 
 async function workspace(first) {
-  const { lessons, worlds, editor: hasEditor, blocks: hasBlocks } = await fetchJson("/class/lessons");
+  const { lessons, worlds, editor: hasEditor, blocks: hasBlocks, points: full } = await fetchJson("/class/lessons");
   let state = first;
   let blocks = null;
   let given = null;
   let fading = null;
+  let failed = null;
+  let shownTurns = null;
   const notice = h("p", { class: "notice", role: "status" });
   function note(text) {
     say(notice, text);
@@ -85,14 +88,12 @@ async function workspace(first) {
   async function act(what, body) {
     say(failure, "");
     await own.save();
-    const answer = await ask(`/class/${what}`, body);
-    if (!answer.ok) {
-      note(answer.error || t("server_lost"));
-    }
+    await post(what, body, note);
   }
   const button = (key, action, more = {}) => h("button", { type: "button", onclick: action, ...more }, t(key));
-  const run = button("run", () => act("run", order()), { class: "primary" });
-  const stop = button("stop_script", () => act("stop"), { title: t("stop_script_help") });
+  const turn = turns((what, body) => post(what, body, note), () => show(state));
+  const run = button("run", () => act(turn.real ? "turn/run" : "run", order()), { class: "primary" });
+  const stop = button("stop_script", () => act(turn.real ? "turn/stop" : "stop"), { title: t("stop_script_help") });
   const reset = button("reset", () => act("reset", order()));
   const check = button("check", () => act("check", { lesson: own.place }));
   const toBlocks = button("blocks", () => openBlocks(null));
@@ -180,7 +181,7 @@ async function workspace(first) {
     view.element);
   const shownName = h("h2", {}, t("shown"));
   const shownCode = h("div", { class: "work shown", hidden: true });
-  const main = h("main", {}, shownCode, columns);
+  const main = h("main", {}, turn.element, shownCode, columns);
   let screen = null;
 
   /** The teacher's screen, read only. */
@@ -192,6 +193,7 @@ async function workspace(first) {
     }
     shownCode.hidden = !on;
     columns.hidden = on;
+    turn.element.hidden = on || !now.turns;
     if (screen && on && now.teacher_place) {
       if (screen.code.place !== now.teacher_place) {
         await screen.code.open(now.teacher_place);
@@ -206,22 +208,34 @@ async function workspace(first) {
     h("h2", { id: "frozen-title", tabindex: -1 }, t("frozen")), h("p", {}, t("frozen_help")));
 
   function show(now) {
-    const error = now.run.place === own.place ? now.run.error : null;
-    if (error !== (state.run.error ?? null) || now.run.number !== state.run.number) {
+    const previous = state;
+    state = now;
+    if (now.turns !== shownTurns) {
+      shownTurns = now.turns;
+      turn.show(now.turns);
+    }
+    const { real } = turn;
+    const error = real ? real.error : now.run.place === own.place ? now.run.error : null;
+    if (error !== failed || now.run.number !== previous.run.number) {
+      failed = error;
       own.fail(error);
     }
     say(failure, error ?? "");
-    state = now;
     own.follow(now.edits);
-    view.show(now.run);
-    stop.disabled = !now.run.running;
+    if (real) {
+      view.show({ open: true, number: real.number }, "/class/turn");
+    } else {
+      view.show(now.run);
+    }
+    stop.disabled = !(real ? real.runs : now.run.running);
+    reset.disabled = speed.disabled = real !== null;
     check.disabled = now.checking;
     run.disabled = now.locked && own.place === FREE && !now.teacher;
     showCheck(result, now.check?.lesson === own.place ? now.check : null, now.checking);
     for (const option of lesson.options) {
       const points = now.points[option.value];
       const title = lessons.find(({ name }) => name === option.value)?.title ?? t("free_play");
-      say(option, `${title}${points === undefined ? "" : points === 10 ? " ✓" : ` (${points}/10)`}`);
+      say(option, `${title}${points === undefined ? "" : points === full ? " ✓" : ` (${points}/${full})`}`);
     }
     if (now.lesson !== given && now.lesson) {
       open(now.lesson);
@@ -238,7 +252,7 @@ async function workspace(first) {
 
   app.replaceChildren(
     h("header", {}, h("div", { class: "top" },
-      h("h1", {}, state.name), lessonField, worldField,
+      h("h1", {}, state.teacher ? t("teachers_workspace") : state.name), lessonField, worldField,
       h("div", { class: "row acts" }, run, stop, reset, check, speedField),
       state.teacher ? h("a", { href: "/wall" }, t("wall")) : null), banner),
     main, frozen, notice);

@@ -1,0 +1,181 @@
+//! The real robots, as the server knows them: passes on what the queue decides, and what the robots'
+//! agents report. An agent that has ended is started again.
+
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use super::children::{Child, RobotSetup};
+use super::learner::RunPlan;
+use super::queue::{Facts, Queue, TurnError};
+use super::robot::{Order, RobotNews, Start};
+
+/// The pause before an agent that has ended is started again.
+const AGAIN: Duration = Duration::from_secs(5);
+
+#[derive(Debug)]
+pub(super) struct Robots {
+    pub(super) queue: Queue,
+    robots: Vec<RealRobot>,
+}
+
+#[derive(Debug)]
+struct RealRobot {
+    setup: RobotSetup,
+    child: Option<Child>,
+    /// When its agent was last started.
+    started: Option<Instant>,
+    /// The number of the newest order.
+    ordered: u64,
+    /// Why the script of this turn failed.
+    error: Option<String>,
+    turn: Option<u64>,
+    /// Closes what the driver sees of it at the end of the turn.
+    turn_over: CancellationToken,
+}
+
+impl Robots {
+    pub(super) fn new(setups: Vec<RobotSetup>) -> Robots {
+        let queue = Queue::new(setups.iter().map(|setup| setup.name.clone()));
+        let robot = |setup| RealRobot {
+            setup,
+            child: None,
+            started: None,
+            ordered: 0,
+            error: None,
+            turn: None,
+            turn_over: CancellationToken::new(),
+        };
+        Robots {
+            queue,
+            robots: setups.into_iter().map(robot).collect(),
+        }
+    }
+
+    /// Starts the agents that do not run.
+    pub(super) fn launch(
+        &mut self,
+        now: Instant,
+        start: impl Fn(usize, &RobotSetup) -> io::Result<Child>,
+    ) {
+        for (index, robot) in self.robots.iter_mut().enumerate() {
+            let due = robot.started.is_none_or(|at| now - at >= AGAIN);
+            if robot.child.is_some() || !due {
+                continue;
+            }
+            robot.started = Some(now);
+            robot.ordered = 0;
+            robot.child = start(index, &robot.setup)
+                .map_err(|error| tracing::warn!("robot {}: {error}", robot.setup.name))
+                .ok();
+        }
+    }
+
+    /// Notes what an agent reports; `None`: it has ended, and its guardian stops the robot.
+    pub(super) fn hear(&mut self, index: usize, news: Option<RobotNews>) {
+        let Some(robot) = self.robots.get_mut(index) else {
+            return;
+        };
+        let gone = Facts {
+            stands: true,
+            ..Facts::default()
+        };
+        let facts = match news {
+            None => {
+                tracing::warn!("robot {}: its agent has ended", robot.setup.name);
+                robot.child = None;
+                gone
+            }
+            Some(news) => {
+                robot.error = news.error;
+                let stands = news.facts.stands && news.done == robot.ordered;
+                Facts {
+                    stands,
+                    ..news.facts
+                }
+            }
+        };
+        self.queue.note(index, facts);
+    }
+
+    /// Ends and begins turns, and tells robots to stand; returns whether turns have changed.
+    pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) -> bool {
+        for index in self.queue.poll(now, here) {
+            self.order(index, None);
+        }
+        let mut changed = false;
+        for (index, robot) in self.robots.iter_mut().enumerate() {
+            let turn = self.queue.turn(index);
+            if robot.turn != turn {
+                robot.turn = turn;
+                robot.error = None;
+                std::mem::take(&mut robot.turn_over).cancel();
+                changed = true;
+            }
+        }
+        changed
+    }
+
+    /// Starts a learner's script on the robot whose turn it is; one that runs is ended first.
+    pub(super) fn start(
+        &mut self,
+        learner: &str,
+        plan: RunPlan,
+        now: Instant,
+    ) -> Result<(), TurnError> {
+        let index = self.queue.start(learner)?;
+        let lasts = self.queue.left(index, now);
+        self.order(index, Some(Start { plan, lasts }));
+        Ok(())
+    }
+
+    /// Ends a learner's script on the robot; the turn goes on.
+    pub(super) fn halt(&mut self, learner: &str) -> Result<(), TurnError> {
+        let index = self.queue.halt(learner)?;
+        self.order(index, None);
+        Ok(())
+    }
+
+    fn order(&mut self, index: usize, start: Option<Start>) {
+        let robot = &mut self.robots[index];
+        robot.ordered += 1;
+        let order = Order {
+            number: robot.ordered,
+            start,
+        };
+        let Some(child) = &mut robot.child else {
+            return;
+        };
+        if let Err(error) = child.tell(&order) {
+            let name = &robot.setup.name;
+            tracing::warn!("robot {name}: its agent does not listen, and is ended: {error}");
+            child.kill();
+        }
+    }
+
+    /// Where viewers reach the robot of this name.
+    pub(super) fn socket(&self, name: &str) -> Option<PathBuf> {
+        let robot = self.robots.iter().find(|robot| robot.setup.name == name)?;
+        Some(robot.child.as_ref()?.socket())
+    }
+
+    /// Where a learner reaches the robot whose turn it is, and the end of the turn.
+    pub(super) fn of_driver(&self, learner: &str) -> Option<(PathBuf, CancellationToken)> {
+        let robot = &self.robots[self.queue.robot_of(learner)?];
+        let socket = robot.child.as_ref()?.socket();
+        Some((socket, robot.turn_over.clone()))
+    }
+
+    /// What a learner's page shows.
+    pub(super) fn seen_by(&self, learner: &str, now: Instant) -> Value {
+        let mut view = self.queue.seen_by(learner, now);
+        if let Some(index) = self.queue.robot_of(learner) {
+            view["turn"]["error"] = json!(self.robots[index].error);
+        }
+        view
+    }
+}
