@@ -21,6 +21,8 @@ const AHEAD: std::ops::Range<usize> = 3..5;
 /// everywhere, of 255, it shows a single surface from above the height of the lens to the bottom.
 const STEP: f32 = 1.8;
 const STEP_ROWS: usize = 3;
+/// Samples on each side of one of which the mean counts as shading.
+const SHADING: usize = 10;
 /// Brightness within which steps can be seen; darker or brighter strips may hide them.
 const USABLE_BRIGHTNESS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
 /// Smallest shift that is evaluated, in pixels of half size; and that of a turn.
@@ -70,8 +72,11 @@ pub struct Profiles {
     luma: Vec<u8>,
     size: (usize, usize),
     layout: Layout,
+    /// Without the shading.
     bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
+    /// The strips without the shading.
+    details: [Vec<f32>; STRIPS],
     /// Strips that show a single surface, and so no floor.
     plain: [bool; STRIPS],
 }
@@ -163,6 +168,8 @@ impl Profiles {
             }
             let rows = rows.len() as f32;
             band.iter_mut().for_each(|sum| *sum /= rows);
+            let means = std::mem::take(band);
+            remove_shading(&means, band);
         }
     }
 
@@ -184,6 +191,7 @@ impl Profiles {
                 strip.extend(self.layout.strips.clone().map(mean));
             }
             self.plain[number] = self.layout.shows_horizon && is_plain(strip);
+            remove_shading(strip, &mut self.details[number]);
         }
     }
 
@@ -225,6 +233,23 @@ impl Profiles {
         let row = (horizon + first + STEP_ROWS) as f64 + f64::from(middle);
         Some(top + row - self.layout.horizon.y)
     }
+}
+
+/// Leaves of each sample by how much it differs from the mean of those around it. What falls off
+/// slowly does so for the lens and not for the room: it stays where it is when the robot drives.
+fn remove_shading(samples: &[f32], details: &mut Vec<f32>) {
+    let mut sums = Vec::with_capacity(samples.len() + 1);
+    sums.push(0.0);
+    sums.extend(samples.iter().scan(0.0, |sum, sample| {
+        *sum += f64::from(*sample);
+        Some(*sum)
+    }));
+    details.clear();
+    details.extend(samples.iter().enumerate().map(|(index, sample)| {
+        let reach = SHADING.min(index).min(samples.len() - 1 - index);
+        let around = sums[index + reach + 1] - sums[index - reach];
+        sample - (around / (2 * reach + 1) as f64) as f32
+    }));
 }
 
 /// By how much the rows above each row differ from those below it.
@@ -387,7 +412,7 @@ impl Expected {
         }
         if self.way != 0.0 {
             let horizon = horizon + 0.5 - now.layout.strips.start as f64;
-            for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
+            for (strip, (before, now)) in before.details.iter().zip(&now.details).enumerate() {
                 self.ask_strip(before, now, horizon, 2 * strip >= STRIPS, &mut votes);
             }
         }
@@ -522,6 +547,24 @@ mod tests {
         for turned in [0.32, 0.16] {
             let turned = wall(1.0, -turned, &BOTH_SIDES, 3);
             assert_ne!(verdict(&before, &turned, TURNS), Verdict::Stands);
+        }
+    }
+
+    /// The corners of a genuine picture are darker than its middle, wherever the camera is.
+    #[test]
+    fn the_dark_corners_of_every_picture_are_no_sign_of_a_standstill() {
+        let plain = |noise: u32| {
+            profiles(&RgbImage::from_fn(320, 240, |x, y| {
+                let corner = (159.5f64.powi(2) + 119.5f64.powi(2)).sqrt();
+                let out = (f64::from(x) - 159.5).hypot(f64::from(y) - 119.5) / corner;
+                let mixed = (x * 37 + y * 101 + noise * 7919).wrapping_mul(0x2C1B_3C6D) >> 24;
+                let light = 180.0 * (1.0 - 0.45 * out.powi(2));
+                Rgb([light as u8 + (mixed % 5) as u8; 3])
+            }))
+        };
+        for forward in [0.1, 0.2, 0.35, -0.2] {
+            let drive = Drive { forward, turn: 0.0 };
+            assert_ne!(verdict(&plain(1), &plain(2), drive), Verdict::Stands);
         }
     }
 
