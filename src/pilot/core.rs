@@ -153,8 +153,11 @@ impl Heartbeat {
             }
             // The robot does not do what it was told before.
             Some(GuardianAct::Wrote) => {
-                let what = "this program hung, and the guardian took its place";
-                (what.to_owned(), stalled)
+                let what = format!(
+                    "this program hung, or the machine was too busy to run it ({seconds:.1} s), and \
+                     the guardian took its place"
+                );
+                (what, stalled)
             }
             None if gap > HEARTBEAT_TIMEOUT => {
                 (format!("the machine stalled for {seconds:.1} s"), stalled)
