@@ -262,6 +262,8 @@ balls:
   - { at: [4.35, 5.2], colour: red }
 ";
     let rig = Rig::new(WORLD, spykee::sim::Firmware::default()).await;
+    // The tracks of the simulated robot start at 5.5 %: it can turn slowly.
+    rig.file("spykee.yaml", "calibration: { least_power: 6 }\n");
     let script = "local pid = require('@spykee/pid')
         local steer = pid.new{ kp = 1.5, ki = 0.3, kd = 0.1, min = -1, max = 1 }
         local good = 0
