@@ -77,6 +77,8 @@ pub struct Profiles {
     strips: [Vec<f32>; STRIPS],
     /// The strips without the shading.
     details: [Vec<f32>; STRIPS],
+    /// A buffer.
+    sums: Vec<f64>,
     /// Strips that show a single surface, and so no floor.
     plain: [bool; STRIPS],
 }
@@ -168,8 +170,7 @@ impl Profiles {
             }
             let rows = rows.len() as f32;
             band.iter_mut().for_each(|sum| *sum /= rows);
-            let means = std::mem::take(band);
-            remove_shading(&means, band);
+            remove_shading(band, &mut self.sums);
         }
     }
 
@@ -191,7 +192,8 @@ impl Profiles {
                 strip.extend(self.layout.strips.clone().map(mean));
             }
             self.plain[number] = self.layout.shows_horizon && is_plain(strip);
-            remove_shading(strip, &mut self.details[number]);
+            self.details[number].clone_from(strip);
+            remove_shading(&mut self.details[number], &mut self.sums);
         }
     }
 
@@ -237,19 +239,20 @@ impl Profiles {
 
 /// Leaves of each sample by how much it differs from the mean of those around it. What falls off
 /// slowly does so for the lens and not for the room: it stays where it is when the robot drives.
-fn remove_shading(samples: &[f32], details: &mut Vec<f32>) {
-    let mut sums = Vec::with_capacity(samples.len() + 1);
+/// `sums` is a buffer.
+fn remove_shading(samples: &mut [f32], sums: &mut Vec<f64>) {
+    sums.clear();
     sums.push(0.0);
     sums.extend(samples.iter().scan(0.0, |sum, sample| {
         *sum += f64::from(*sample);
         Some(*sum)
     }));
-    details.clear();
-    details.extend(samples.iter().enumerate().map(|(index, sample)| {
-        let reach = SHADING.min(index).min(samples.len() - 1 - index);
+    let last = samples.len().saturating_sub(1);
+    for (index, sample) in samples.iter_mut().enumerate() {
+        let reach = SHADING.min(index).min(last - index);
         let around = sums[index + reach + 1] - sums[index - reach];
-        sample - (around / (2 * reach + 1) as f64) as f32
-    }));
+        *sample -= (around / (2 * reach + 1) as f64) as f32;
+    }
 }
 
 /// By how much the rows above each row differ from those below it.
