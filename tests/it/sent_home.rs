@@ -6,17 +6,17 @@ use std::time::Duration;
 use spykee::agent::{Agent, AgentError, AgentEvent, Behaviour, Bus, BusMessage, Outcome, Plan};
 use spykee::clock::{Clock, Zone};
 use spykee::control::{self, EmergencyStop, RunRequest};
-use spykee::robot::{DockEnd, Streams};
+use spykee::robot::DockEnd;
 use spykee::safety::{Limits, Rescue};
 use spykee::service::{ManagerNotifier, RecordFile, Service, ServicePlan};
 use spykee::sim::World;
 use spykee::simulation::{self, Simulation};
-use spykee::timetable::{Timetable, View};
+use spykee::timetable::Timetable;
 use spykee::wire::{Command, Engage};
 use spykee::{config, timetable};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{sleep, timeout};
 
 use crate::fast::behaviour;
 use crate::long_runs::in_parallel;
@@ -41,20 +41,8 @@ fn run(
     };
     let (agent, status) = Agent::new(plan);
     let run = control::Run {
-        requests: agent.requests(),
-        roster: agent.roster(),
-        status,
-        pictures: agent.pictures(),
-        end: None,
-        emergency_stop: EmergencyStop::default(),
-        streams: Streams::default(),
-        target: "test".to_owned(),
         simulated: true,
-        began: Instant::now(),
-        view: View::channel().1,
-        timetable: mpsc::channel(1).0,
-        sim: None,
-        reactions: agent.reactions(),
+        ..control::Run::new(&agent, "test", EmergencyStop::default(), status)
     };
     let agent = tokio::task::spawn_local(agent.run(simulation.stop()));
     (run, agent)
