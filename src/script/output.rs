@@ -6,7 +6,7 @@ use tokio::time::Instant;
 use super::failure::{ScriptExit, printable};
 use super::modules::ModuleName;
 use super::options::{Limits, NOTICES_A_DAY};
-use crate::rate_limit::Budget;
+use crate::rate_limit::TokenBucket;
 use crate::robot::{DeclaredParam, Detection, HostReport, Intent};
 
 const LONGEST_TEXT: usize = 1024;
@@ -98,26 +98,26 @@ impl LogLine {
 /// names of pictures, and messages. The agent enforces the same limits.
 #[derive(Debug)]
 pub(crate) struct DailyLimits {
-    bytes: Budget,
-    notices: Budget,
+    bytes: TokenBucket,
+    notices: TokenBucket,
 }
 
 impl DailyLimits {
     pub(crate) fn new(limits: &Limits) -> DailyLimits {
         DailyLimits {
-            bytes: Budget::new(limits.journal_bytes_a_day()),
-            notices: Budget::new(NOTICES_A_DAY),
+            bytes: TokenBucket::a_day(limits.journal_bytes_a_day()),
+            notices: TokenBucket::a_day(NOTICES_A_DAY),
         }
     }
 
     /// Takes the share of a journal entry with texts of this many bytes; `false` if too little is
     /// left today.
     pub(crate) fn take_entry(&mut self, length: usize, now: Instant) -> bool {
-        self.bytes.take((OVERHEAD + length) as u64, now)
+        self.bytes.take((OVERHEAD + length) as f64, now)
     }
 
     /// Takes the share of one message; `false` if none is left.
     pub(crate) fn take_notice(&mut self, now: Instant) -> bool {
-        self.notices.take(1, now)
+        self.notices.take(1.0, now)
     }
 }
