@@ -156,6 +156,11 @@ impl<K: PartialEq> Repeats<K> {
     }
 }
 
+/// Whether a repeated failure is logged at this count: 1, 10, 100, ...
+pub fn is_round(count: u64) -> bool {
+    count > 0 && 10_u64.pow(count.ilog10()) == count
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,6 +216,12 @@ mod tests {
         assert!(budget.take(95.0, now) && !budget.take(10.0, now));
         assert_eq!(budget.per_day(), 2400);
         assert!(!TokenBucket::a_day(0).take(1.0, now));
+    }
+
+    #[test]
+    fn repeated_failures_are_logged_at_powers_of_ten() {
+        let logged: Vec<u64> = (0..=1000).filter(|&count| is_round(count)).collect();
+        assert_eq!(logged, [1, 10, 100, 1000]);
     }
 
     #[test]

@@ -260,11 +260,6 @@ pub(super) fn is_kill(reason: EndReason) -> bool {
     )
 }
 
-/// Whether a repeated failure is logged at this count: 1, 10, 100, ...
-pub(super) fn is_round(count: u64) -> bool {
-    count > 0 && 10_u64.pow(count.ilog10()) == count
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,11 +311,5 @@ mod tests {
         ] {
             assert_eq!(without_addresses(text), shown);
         }
-    }
-
-    #[test]
-    fn repeated_failures_are_logged_at_powers_of_ten() {
-        let logged: Vec<u64> = (0..=1000).filter(|&count| is_round(count)).collect();
-        assert_eq!(logged, [1, 10, 100, 1000]);
     }
 }

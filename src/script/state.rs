@@ -15,7 +15,7 @@ use mlua::prelude::{LuaFunction, LuaMultiValue};
 use tokio::time::Instant;
 
 use super::eval;
-use super::failure::{FailureLog, Life, ScriptExit, is_round};
+use super::failure::{FailureLog, Life, ScriptExit};
 use super::frame_state::{AnnotatedFrame, FrameState, LabelledBlob, MotionCheck};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -30,6 +30,7 @@ use super::task::{
 };
 use crate::api::EventName;
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
+use crate::rate_limit::is_round;
 use crate::robot::{
     Battery, DeclaredParam, DockEnd, EndReason, Event, Frame, HostReport, Intent, MotionEnd,
     MotionId, RobotInfo,
