@@ -216,7 +216,8 @@ fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
         let start = start.max(0.0);
         (start.floor() as u32, (end - start).max(0.0).round() as u32)
     };
-    let ((x, w), (y, h)) = (side(x, w), side(y, h));
+    let (x, w) = side(x, w);
+    let (y, h) = side(y, h);
     Roi { x, y, w, h }
 }
 
@@ -314,10 +315,8 @@ fn qrcodes(call: &mut Call<'_>) -> NativeResult {
         for (name, number) in [("x", x), ("y", y), ("w", w), ("h", h)] {
             table.raw_set(name, number)?;
         }
-        let (cx, cy) = (
-            f64::from(x) + f64::from(w) / 2.0,
-            f64::from(y) + f64::from(h) / 2.0,
-        );
+        let cx = f64::from(x) + f64::from(w) / 2.0;
+        let cy = f64::from(y) + f64::from(h) / 2.0;
         let camera = call.state.options.camera;
         table.raw_set("bearing", camera.bearing(cx, cy, size(&frame)))?;
         list.raw_push(of_row("QrCode", table))?;
@@ -367,9 +366,8 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Nativ
 
 fn pixel(call: &mut Call<'_>) -> NativeResult {
     let frame = receiver(call)?;
-    let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
-    let x = x.floor();
-    let y = y.floor();
+    let x = call.args.get::<f64>(0)?.floor();
+    let y = call.args.get::<f64>(1)?.floor();
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }
