@@ -1,5 +1,5 @@
-//! Limits on what is sent, tried and logged: token buckets, bytes per day, growing pauses, and
-//! messages that are logged once and then counted. Pure: the time is an argument.
+//! Limits on what is sent, tried and logged: token buckets, growing pauses, and messages that are
+//! logged once and then counted. Pure: the time is an argument.
 
 use std::time::Duration;
 
@@ -34,6 +34,25 @@ impl TokenBucket {
         }
     }
 
+    /// Creates a daily budget, of bytes or something else: so much in any 24 hours.
+    pub fn a_day(amount: u64) -> TokenBucket {
+        let most = amount as f64 * AT_ONCE;
+        TokenBucket::new(most, (amount as f64 - most) / DAY.as_secs_f64())
+    }
+
+    /// The amount of [`TokenBucket::a_day`].
+    pub fn per_day(&self) -> u64 {
+        (self.most / AT_ONCE).round() as u64
+    }
+
+    /// The same budget of which at most this much may be spent at once now.
+    pub fn with_left(mut self, left: Option<u64>) -> TokenBucket {
+        if let Some(left) = left {
+            self.level = self.level.min(left as f64);
+        }
+        self
+    }
+
     /// Takes tokens. Returns false, and takes nothing, if not enough are left.
     pub fn take(&mut self, amount: f64, now: Instant) -> bool {
         let passed = self
@@ -48,7 +67,8 @@ impl TokenBucket {
         enough
     }
 
-    /// Takes tokens, also if not enough are left; returns how many are left then.
+    /// Takes tokens that are spent already, also if not enough are left; returns how many are left then,
+    /// below zero if too many were.
     pub fn spend(&mut self, amount: f64, now: Instant) -> f64 {
         self.take(0.0, now);
         self.level -= amount;
@@ -62,49 +82,6 @@ impl TokenBucket {
             return None;
         }
         Some(std::mem::take(&mut self.refused))
-    }
-}
-
-/// A daily budget, in bytes or other units.
-#[derive(Debug, Clone)]
-pub struct Budget {
-    pub per_day: u64,
-    bucket: TokenBucket,
-}
-
-impl Budget {
-    /// Creates a budget of this many bytes in any 24 hours.
-    pub fn new(per_day: u64) -> Budget {
-        let most = per_day as f64 * AT_ONCE;
-        let per_second = (per_day as f64 - most) / DAY.as_secs_f64();
-        Budget {
-            per_day,
-            bucket: TokenBucket::new(most, per_second),
-        }
-    }
-
-    /// Spends bytes. Returns false, and spends nothing, if not enough are left.
-    pub fn take(&mut self, bytes: u64, now: Instant) -> bool {
-        self.bucket.take(bytes as f64, now)
-    }
-
-    /// The same; returns how often it was refused since the last success.
-    pub fn take_counted(&mut self, bytes: u64, now: Instant) -> Option<u64> {
-        self.bucket.take_counted(bytes as f64, now)
-    }
-
-    /// Spends bytes that are spent already, also if not enough are left; returns how many may be spent
-    /// at once now, below zero if too much was.
-    pub fn spend(&mut self, bytes: u64, now: Instant) -> f64 {
-        self.bucket.spend(bytes as f64, now)
-    }
-
-    /// The same budget of which at most this much may be spent at once now.
-    pub fn with_left(mut self, left: Option<u64>) -> Budget {
-        if let Some(left) = left {
-            self.bucket.level = self.bucket.level.min(left as f64);
-        }
-        self
     }
 }
 
@@ -179,6 +156,11 @@ impl<K: PartialEq> Repeats<K> {
     }
 }
 
+/// Whether a repeated failure is logged at this count: 1, 10, 100, ...
+pub fn is_round(count: u64) -> bool {
+    count > 0 && 10_u64.pow(count.ilog10()) == count
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -227,13 +209,19 @@ mod tests {
     #[test]
     fn an_hours_share_may_be_spent_at_once_and_the_rest_accrues_evenly() {
         let mut now = Instant::now();
-        let mut budget = Budget::new(2400);
-        assert!(budget.take(100, now));
-        assert!(!budget.take(1, now));
+        let mut budget = TokenBucket::a_day(2400);
+        assert!(budget.take(100.0, now));
+        assert!(!budget.take(1.0, now));
         now += Duration::from_secs(3600);
-        assert!(budget.take(95, now) && !budget.take(10, now));
-        assert_eq!(budget.per_day, 2400);
-        assert!(!Budget::new(0).take(1, now));
+        assert!(budget.take(95.0, now) && !budget.take(10.0, now));
+        assert_eq!(budget.per_day(), 2400);
+        assert!(!TokenBucket::a_day(0).take(1.0, now));
+    }
+
+    #[test]
+    fn repeated_failures_are_logged_at_powers_of_ten() {
+        let logged: Vec<u64> = (0..=1000).filter(|&count| is_round(count)).collect();
+        assert_eq!(logged, [1, 10, 100, 1000]);
     }
 
     #[test]
@@ -257,10 +245,10 @@ mod tests {
                 let start = Instant::now();
                 let mut now = start;
     let mut spent = Vec::new();
-                let mut budget = Budget::new(10_000);
+                let mut budget = TokenBucket::a_day(10_000);
                 for (pause, bytes) in asks {
                     now += Duration::from_secs(pause % 4000);
-                    if budget.take(bytes, now) {
+                    if budget.take(bytes as f64, now) {
                         spent.push((now, bytes));
                     }
                 }

@@ -23,11 +23,10 @@ mod homing;
 mod leases;
 mod limits;
 mod recharge;
-mod tracks;
 mod watchdog;
 
 pub use act::{Act, Fact, LastWords};
-pub use arbiter::Arbiter;
+pub use arbiter::{Arbiter, Tracks};
 pub use battery::{BatteryChange, BatteryMonitor, Charging, LowCause};
 pub use blind_move::BlindMove;
 pub use dock_state::{Contradiction, DockState, DockTracker};
@@ -38,7 +37,6 @@ pub use homing::{ALARM, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use limits::{Limits, LimitsError, Rescue};
 pub use recharge::{AfterRecharge, Recharge};
-pub use tracks::Tracks;
 pub use watchdog::{DockReport, Watchdog};
 
 pub use crate::robot::WatchdogState;

@@ -1,7 +1,6 @@
 //! The behaviours that run side by side in one agent: executes the commands of the
 //! [`Roster`](super::roster). Nothing here is on the driving core or can move the robot.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -39,10 +38,9 @@ pub(super) struct BehaviourSet {
     active: Vec<ActiveBehaviour>,
     running: JoinSet<(BehaviourId, String, ScriptExit)>,
     loading: JoinSet<Loaded>,
-    /// Each behaviour's last ending by name, in the order in which they ended.
+    /// Each behaviour's last ending by name, in the order in which they ended. Why a script could not be
+    /// loaded is in its spec.
     exits: Vec<(String, ScriptExit)>,
-    /// Those of them whose script could not be loaded.
-    unloadable: BTreeSet<String>,
     statuses: watch::Sender<Vec<BehaviourStatus>>,
     status: watch::Receiver<Status>,
     last: u16,
@@ -56,20 +54,18 @@ impl BehaviourSet {
     ) -> (BehaviourSet, Roster) {
         let statuses = watch::Sender::new(Vec::new());
         let (roster, commands) = Roster::new(statuses.subscribe(), context.viewers.clone());
-        let mut behaviour_set = BehaviourSet {
+        let behaviour_set = BehaviourSet {
             context,
             commands,
-            specs: Vec::new(),
+            specs,
             active: Vec::new(),
             running: JoinSet::new(),
             loading: JoinSet::new(),
             exits: Vec::new(),
-            unloadable: BTreeSet::new(),
             statuses,
             status,
             last: NUMBERS - 1,
         };
-        behaviour_set.define(specs);
         behaviour_set.publish();
         (behaviour_set, roster)
     }
@@ -177,7 +173,9 @@ impl BehaviourSet {
         if timeout(SCRIPTS_END, scripts).await.is_err() {
             warn!("scripts that did not end in time were abandoned");
         }
-        self.exits
+        let problems = self.specs.iter();
+        let problems = problems.filter_map(|spec| Some((spec.name().to_owned(), spec.exit()?)));
+        self.exits.into_iter().chain(problems).collect()
     }
 
     /// After an internal error: ends all hosts at once.
@@ -196,20 +194,11 @@ impl BehaviourSet {
                 self.stop_those(ActiveBehaviour::has_driven, &by, reply);
             }
             RosterCommand::Define(specs, reply) => {
-                self.define(specs);
+                self.specs = specs;
                 let _ = reply.send(Ok(()));
             }
         }
         self.publish();
-    }
-
-    fn define(&mut self, specs: Vec<BehaviourSpec>) {
-        for spec in &specs {
-            if let Some(problem) = &spec.problem {
-                self.keep_problem(spec.name(), problem);
-            }
-        }
-        self.specs = specs;
     }
 
     /// Whoever gets the reply then waits for the behaviours in state `Ending`.
@@ -283,9 +272,8 @@ impl BehaviourSet {
                 if let Some(reply) = one.started.take() {
                     let _ = reply.send(Ok(()));
                 }
-                if self.unloadable.remove(&one.name) {
-                    self.exits.retain(|(of, _)| *of != one.name);
-                }
+                let name = one.name.clone();
+                self.set_problem(&name, None);
                 self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
@@ -301,7 +289,7 @@ impl BehaviourSet {
                                 seconds: 0.0,
                                 by: None,
                             });
-                            self.keep_problem(&one.name, why);
+                            self.set_problem(&one.name, Some(why.clone()));
                         }
                         why
                     }
@@ -328,7 +316,8 @@ impl BehaviourSet {
     }
 
     fn behaviour_ended(&mut self, by: BehaviourId, name: String, exit: ScriptExit) {
-        self.keep_exit(&name, exit);
+        self.exits.retain(|(of, _)| *of != name);
+        self.exits.push((name, exit));
         if let Some(at) = self.active.iter().position(|one| one.by == by) {
             let one = self.active.remove(at);
             self.close(one);
@@ -355,21 +344,12 @@ impl BehaviourSet {
         self.publish();
     }
 
-    /// Remembers an ending; the list is bounded by the number of names.
-    fn keep_exit(&mut self, name: &str, exit: ScriptExit) {
-        self.unloadable.remove(name);
-        self.exits.retain(|(of, _)| of != name);
-        self.exits.push((name.to_owned(), exit));
-    }
-
-    /// The same of one whose script cannot be loaded.
-    fn keep_problem(&mut self, name: &str, why: &str) {
-        let exit = ScriptExit {
-            reason: EndReason::Error,
-            message: Some(format!("cannot start: {why}")),
-        };
-        self.keep_exit(name, exit);
-        self.unloadable.insert(name.to_owned());
+    /// Remembers why a script cannot be loaded, or that it can.
+    fn set_problem(&mut self, name: &str, problem: Option<String>) {
+        let spec = self.specs.iter_mut().find(|known| known.name() == name);
+        if let Some(spec) = spec {
+            spec.problem = problem;
+        }
     }
 
     fn number(&mut self) -> BehaviourId {
@@ -503,26 +483,27 @@ impl ActiveBehaviour {
 }
 
 /// Those of the specs first, then those that still run but are no longer in the config.
-pub(super) fn statuses(
+fn statuses(
     specs: &[BehaviourSpec],
     active: &[ActiveBehaviour],
     exits: &[(String, ScriptExit)],
 ) -> Vec<BehaviourStatus> {
-    let known = |name: &str| specs.iter().any(|one| one.name() == name);
-    let rest = active.iter().filter(|one| !known(&one.name));
-    let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
-    let all = specs.iter().map(|one| (one.name(), one.priority));
-    let behaviour_status = |(name, priority): (&str, Priority)| {
+    let status = |name: &str, priority: Priority, problem: Option<ScriptExit>| {
         let running = active.iter().find(|one| one.name == name);
         let exit = exits.iter().find(|(of, _)| of == name);
         BehaviourStatus {
             name: name.to_owned(),
             priority,
             state: running.map_or(BehaviourState::Idle, ActiveBehaviour::state),
-            exit: exit.map(|(_, exit)| exit.clone()),
+            exit: problem.or(exit.map(|(_, exit)| exit.clone())),
         }
     };
-    all.chain(rest).map(behaviour_status).collect()
+    let known = |name: &str| specs.iter().any(|one| one.name() == name);
+    let all = specs.iter();
+    let all = all.map(|one| status(one.name(), one.priority, one.exit()));
+    let rest = active.iter().filter(|one| !known(&one.name));
+    let rest = rest.map(|one| status(&one.name, Priority::default(), None));
+    all.chain(rest).collect()
 }
 
 #[cfg(test)]

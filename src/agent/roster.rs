@@ -13,7 +13,8 @@ use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
 use crate::robot::{
-    BehaviourId, DeclaredParams, Detections, ParamChange, ParamValue, Priority, ViewerChannel,
+    BehaviourId, DeclaredParams, Detections, EndReason, ParamChange, ParamValue, Priority,
+    ViewerChannel,
 };
 use crate::script::ScriptExit;
 use crate::yaml::suggestion;
@@ -57,6 +58,15 @@ impl BehaviourSpec {
 
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// How it ended last if it cannot be started.
+    pub(super) fn exit(&self) -> Option<ScriptExit> {
+        let problem = self.problem.as_ref()?;
+        Some(ScriptExit {
+            reason: EndReason::Error,
+            message: Some(format!("cannot start: {problem}")),
+        })
     }
 
     pub(super) fn make(&self) -> Result<Behaviour, RosterError> {

@@ -1,7 +1,7 @@
 //! The sets of names that arguments and results are taken from.
 
 use super::model::Choice;
-use crate::robot::{DockEnd, MotionEnd, SafetyAction, named};
+use crate::robot::{DockEnd, Event, MotionEnd, SafetyAction, named};
 use crate::vision::Colour;
 use crate::wire::{Sound, Stream};
 
@@ -36,6 +36,42 @@ impl EventName {
             EventName::Audio | EventName::Noise => Some(Stream::AudioIn),
             _ => None,
         }
+    }
+
+    /// The script's name of an event; `None` for events that scripts cannot subscribe to, such as
+    /// the answers to waiting calls.
+    pub fn from_event(event: &Event) -> Option<EventName> {
+        Some(match event {
+            Event::Connected { .. } => EventName::Connected,
+            Event::Disconnected { .. } => EventName::Disconnected,
+            Event::Battery(_) => EventName::Battery,
+            Event::BatteryLow(_) => EventName::BatteryLow,
+            Event::BatteryOk(_) => EventName::BatteryOk,
+            Event::Charging { .. } => EventName::Charging,
+            Event::Charged => EventName::Charged,
+            Event::Docked => EventName::Docked,
+            Event::Undocked => EventName::Undocked,
+            Event::BaseNotFound => EventName::BaseNotFound,
+            Event::Audio(_) => EventName::Audio,
+            Event::SoundFinished => EventName::SoundFinished,
+            Event::Safety { .. } => EventName::Safety,
+            Event::DriveGrant { .. } => EventName::DriveGrant,
+            Event::Engine { .. } => EventName::Engine,
+            Event::Moving { .. }
+            | Event::Sounding
+            | Event::MotionWaiting { .. }
+            | Event::MotionEnded { .. }
+            | Event::DockEnded { .. }
+            | Event::UndockEnded { .. } => {
+                return None;
+            }
+        })
+    }
+
+    /// Whether only the newest event is kept by default: frames and sound may arrive faster than
+    /// they are handled, and old ones are useless.
+    pub fn keeps_latest(self) -> bool {
+        matches!(self, EventName::Frame | EventName::Audio | EventName::Noise)
     }
 }
 

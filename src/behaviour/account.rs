@@ -14,7 +14,7 @@ use tokio::time::{Instant, sleep};
 use super::limiter::HostLimiter;
 use super::store_writer;
 use crate::files::{Folder, Item};
-use crate::rate_limit::Budget;
+use crate::rate_limit::TokenBucket;
 use crate::script::{Limits, Options};
 
 /// Bytes beyond the budget for which no behaviour is ended: the clocks of agent and host differ, and a
@@ -56,7 +56,7 @@ pub(super) struct Account {
 
 #[derive(Debug)]
 struct Disk {
-    day: Budget,
+    day: TokenBucket,
     /// The files at the last weighing, by folder and name. One that is written again with its old length
     /// and time does not count: it fills no disk.
     files: Option<BTreeMap<(usize, String), Item>>,
@@ -68,7 +68,7 @@ impl Account {
         let folders: Vec<PathBuf> = folders.collect();
         let name = options.name.clone();
         let limiter = HostLimiter::new(name, options.data_dir.clone(), &options.limits);
-        let day = Budget::new(options.limits.bytes_a_day * folders.len().max(1) as u64);
+        let day = TokenBucket::a_day(options.limits.bytes_a_day * folders.len().max(1) as u64);
         Account {
             limiter: Arc::new(Mutex::new(limiter)),
             disk: Arc::new(Mutex::new(Disk { day, files: None })),
@@ -107,7 +107,7 @@ impl Account {
         let new = files.iter().filter(is_new);
         let written: u64 = new.map(|(_, item)| item.bytes).sum();
         let is_first = disk.files.replace(files).is_none();
-        let left = disk.day.spend(written, now);
+        let left = disk.day.spend(written as f64, now);
         if left >= -SLACK || is_first {
             return Ok((left.max(0.0) / self.folders.len().max(1) as f64) as u64);
         }

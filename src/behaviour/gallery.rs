@@ -12,7 +12,7 @@ use image::codecs::jpeg::JpegEncoder;
 use tokio::time::Instant;
 
 use crate::files::Folder;
-use crate::rate_limit::Budget;
+use crate::rate_limit::TokenBucket;
 use crate::script::{AnnotatedFrame, Limits};
 use crate::vision::{Annotation, Decoder, annotate};
 
@@ -102,7 +102,7 @@ struct Ring {
     decoder: Decoder,
     /// Number of the next file; `None` before the first write.
     next: Option<usize>,
-    day: Budget,
+    day: TokenBucket,
     free: u64,
 }
 
@@ -110,7 +110,7 @@ impl Ring {
     fn new(folder: PathBuf, limits: &Limits) -> Ring {
         Ring {
             folder,
-            day: Budget::new(limits.bytes_a_day),
+            day: TokenBucket::a_day(limits.bytes_a_day),
             free: limits.free_bytes,
             decoder: Decoder::default(),
             next: None,
@@ -134,10 +134,10 @@ impl Ring {
             let words = format!("the disk has less than {} bytes left", self.free);
             return Err(io::Error::other(words));
         }
-        if !self.day.take(length, Instant::now()) {
+        if !self.day.take(length as f64, Instant::now()) {
             let words = format!(
                 "the limit of {} bytes of pictures per day is used up",
-                self.day.per_day
+                self.day.per_day()
             );
             return Err(io::Error::other(words));
         }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use serde_json::Value;
 use tokio::time::Instant;
 
-use crate::rate_limit::{Budget, Repeats};
+use crate::rate_limit::{Repeats, TokenBucket};
 use crate::robot::{AgentEvent, HostReport};
 use crate::sanitize;
 use crate::script::{self, DailyLimits, Level, Limits, LogLine, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
@@ -49,7 +49,7 @@ pub(super) struct HostLimiter {
     behaviour: String,
     folder: Option<PathBuf>,
     /// Of the bytes of its log.
-    log_day: Budget,
+    log_day: TokenBucket,
     window: Option<Instant>,
     lines: u32,
     dropped_lines: Repeats<()>,
@@ -62,7 +62,7 @@ impl HostLimiter {
         HostLimiter {
             behaviour,
             folder,
-            log_day: Budget::new(limits.log_bytes_a_day()),
+            log_day: TokenBucket::a_day(limits.log_bytes_a_day()),
             window: None,
             lines: 0,
             dropped_lines: Repeats::new(REPORT_INTERVAL),
@@ -73,7 +73,7 @@ impl HostLimiter {
 
     pub(super) fn admit_line(&mut self, line: LogLine, now: Instant) -> Admission<LogLine> {
         let line = cut(line);
-        if self.has_room(now) && self.log_day.take(cost(&line), now) {
+        if self.has_room(now) && self.log_day.take(cost(&line) as f64, now) {
             return Admission::Passed(line);
         }
         Admission::dropped(&mut self.dropped_lines, now)

@@ -15,10 +15,9 @@ use tokio::task::{AbortHandle, JoinHandle};
 use tokio::time::{Instant, timeout};
 
 use super::account::{Account, Accounts};
-use super::host::{Time, serve};
+use super::host::{Launch, Receiver, Sender, Time, ToHost, serve};
 use super::inspection::Inspector;
 use super::library::Library;
-use super::message::{Launch, Receiver, Sender, ToHost};
 use super::name::validate_name;
 use crate::files::Folder;
 use crate::robot::channel::Request;

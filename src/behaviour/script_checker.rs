@@ -3,8 +3,8 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
+use super::host::Launch;
 use super::inspection::{Inspected, Inspector, inspect};
-use super::message::Launch;
 use crate::check::{Diagnostic, Severity};
 use crate::script::{ModuleFile, Options};
 

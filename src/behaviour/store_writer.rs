@@ -11,7 +11,7 @@ use bytes::Bytes;
 use tokio::time::Instant;
 
 use crate::files::{Folder, Item};
-use crate::rate_limit::Budget;
+use crate::rate_limit::TokenBucket;
 use crate::script::Limits;
 
 const NAME: &str = "store.json";
@@ -43,7 +43,7 @@ pub(super) struct StoreWriter {
     last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::new`].
     write_at_end: bool,
-    day: Budget,
+    day: TokenBucket,
     free: u64,
     /// `Some` if the daily budget was exceeded: whether that was reported.
     slow: Option<bool>,
@@ -65,7 +65,7 @@ impl StoreWriter {
             unsent: None,
             last_error: None,
             write_at_end,
-            day: Budget::new(limits.bytes_a_day),
+            day: TokenBucket::a_day(limits.bytes_a_day),
             free: limits.free_bytes,
             slow: None,
         }
@@ -121,7 +121,7 @@ impl StoreWriter {
             return;
         }
         // What could not be written has not used the day's bytes again.
-        if !retried && !self.day.take(content.len() as u64, now) {
+        if !retried && !self.day.take(content.len() as f64, now) {
             self.next = Some(now + SLOW_PACE);
             self.slow.get_or_insert(false);
         }
@@ -162,7 +162,7 @@ impl StoreWriter {
             self.slow = Some(true);
             return Some(format!(
                 "the limit of {} bytes per day is used up: from now on the store is saved once per minute",
-                self.day.per_day
+                self.day.per_day()
             ));
         }
         self.collect_result();

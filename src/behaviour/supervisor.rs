@@ -11,8 +11,8 @@ use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
+use super::host::{PromptCommand, ToHost};
 use super::limiter::{Admission, log};
-use super::message::{PromptCommand, ToHost};
 use super::process::{EXIT_TIME, HostContext, Prepared, exit};
 use crate::clock::{or_never, until};
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};

@@ -13,7 +13,7 @@ use parking_lot::Mutex;
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
 
-use crate::rate_limit::{Budget, Repeats};
+use crate::rate_limit::{Repeats, TokenBucket};
 use crate::sanitize;
 
 /// The format of log lines.
@@ -81,13 +81,13 @@ struct Shared {
 impl Console {
     pub fn start(format: LogFormat) -> io::Result<Console> {
         let features = features_of_stderr(format);
-        let day = Budget::new(BYTES_A_DAY);
+        let day = TokenBucket::a_day(BYTES_A_DAY);
         Console::with_output(io::stderr(), features, stderr_columns, format, day)
     }
 
     /// Collects the output instead, as if stderr were a file.
     pub(super) fn collecting(into: Collected, format: LogFormat) -> io::Result<Console> {
-        let day = Budget::new(BYTES_A_DAY);
+        let day = TokenBucket::a_day(BYTES_A_DAY);
         Console::with_output(into, Features::FILE, || DEFAULT_COLUMNS, format, day)
     }
 
@@ -96,7 +96,7 @@ impl Console {
         features: Features,
         columns: fn() -> usize,
         format: LogFormat,
-        day: Budget,
+        day: TokenBucket,
     ) -> io::Result<Console> {
         let (messages, inbox) = sync_channel(MAX_WAITING);
         let shared = Arc::new(Shared::default());
@@ -219,7 +219,7 @@ struct ConsoleWriter<W> {
     columns: fn() -> usize,
     shared: Arc<Shared>,
     format: LogFormat,
-    day: Budget,
+    day: TokenBucket,
     drop_notices: Repeats<()>,
 }
 
@@ -249,13 +249,13 @@ impl<W: Write> ConsoleWriter<W> {
     fn write(&mut self, record: &str) {
         let text = self.screen.record(record, (self.columns)());
         let now = Instant::now();
-        if self.day.take(text.len() as u64, now) {
+        if self.day.take(text.len() as f64, now) {
             return self.put(text);
         }
         if let Some(before) = self.drop_notices.record((), now) {
             let words = format!(
                 "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
-                self.day.per_day
+                self.day.per_day()
             );
             self.put_record(&log_line(self.format, "WARN", &words));
         }
@@ -491,7 +491,7 @@ mod tests {
             features,
             || 20,
             format,
-            Budget::new(1 << 40),
+            TokenBucket::a_day(1 << 40),
         )
         .unwrap()
     }
@@ -521,7 +521,7 @@ mod tests {
     #[test]
     fn last_words_are_written_when_the_day_limit_is_used_up() {
         let output = TestOutput::new();
-        let day = Budget::new(24 * 1000);
+        let day = TokenBucket::a_day(24 * 1000);
         let console =
             Console::with_output(output.clone(), Features::FILE, || 20, LogFormat::Text, day)
                 .unwrap();

@@ -458,38 +458,3 @@ pub async fn hang_up(mut reader: Reader, mut writer: Writer) {
     };
     let _ = timeout(LINGER, hanging_up).await;
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[tokio::test]
-    async fn the_socket_is_set_to_detect_a_dead_robot() {
-        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let target: Target = listener.local_addr().unwrap().to_string().parse().unwrap();
-        let options = Options::default();
-        let stream = open_tcp(&target, &options).await.unwrap();
-        let socket = SockRef::from(&stream);
-        assert!(socket.keepalive().unwrap());
-        assert_eq!(socket.tcp_user_timeout().unwrap(), Some(options.dead_after));
-    }
-
-    #[tokio::test]
-    async fn a_former_link_is_taken_up_unless_its_port_is_in_use() {
-        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let peer = listener.local_addr().unwrap();
-        let stream = TcpStream::connect(peer).await.unwrap();
-        let former = FormerLink::new(&stream, peer).unwrap();
-        let local = stream.local_addr().unwrap();
-        let options = Options::default();
-        assert!(
-            replace(former, &options).await.is_none(),
-            "it is still open"
-        );
-        // A reset leaves the port free at once.
-        stream.set_zero_linger().unwrap();
-        drop(stream);
-        let again = replace(former, &options).await.unwrap();
-        assert_eq!(again.local_addr().unwrap(), local);
-    }
-}

@@ -23,7 +23,7 @@ use crate::agent::BehaviourStatus;
 use crate::clock::until;
 use crate::control::{Run, RunRequest, RunResponse};
 use crate::files;
-use crate::rate_limit::{Backoff, Budget};
+use crate::rate_limit::{Backoff, TokenBucket};
 use crate::robot::{AgentEvent, Bus, BusMessage, Listener, RobotInfo};
 use crate::side_thread::SideThread;
 
@@ -477,16 +477,16 @@ async fn next_event(phase: &mut Phase) -> Option<ConnectionEvent> {
 
 const PER_DAY: u64 = 1 << 20;
 /// Bytes of time and level before a line.
-const PREFIX: u64 = 40;
+const PREFIX: usize = 40;
 
 /// Logs what clients of the broker cause, within a daily budget: any client can send endless
 /// commands, which must not fill the disk.
 #[derive(Debug)]
-struct LimitedLog(Budget);
+struct LimitedLog(TokenBucket);
 
 impl LimitedLog {
     fn new() -> LimitedLog {
-        LimitedLog(Budget::new(PER_DAY))
+        LimitedLog(TokenBucket::a_day(PER_DAY))
     }
 
     fn info(&mut self, line: &str) {
@@ -507,7 +507,7 @@ impl LimitedLog {
     /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
     /// appended, which may be empty.
     fn take(&mut self, line: &str, now: Instant) -> Option<String> {
-        match self.0.take_counted(line.len() as u64 + PREFIX, now)? {
+        match self.0.take_counted((line.len() + PREFIX) as f64, now)? {
             0 => Some(String::new()),
             dropped => Some(format!(
                 " ({dropped} lines about the broker's messages were dropped)"

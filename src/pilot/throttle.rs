@@ -4,7 +4,7 @@
 
 use tokio::time::Instant;
 
-use crate::rate_limit::TokenBucket;
+use crate::rate_limit::{TokenBucket, is_round};
 use crate::wire::{Command, Engage};
 
 /// Lights, sounds, volumes, streams and dockings: the most at once, and per second.
@@ -60,8 +60,7 @@ impl Throttle {
     /// The number of refusals, when it should be logged: at the first one, and then ever more
     /// rarely.
     pub(super) fn refusals_to_log(&self) -> Option<u64> {
-        let refused = self.refused;
-        (refused > 0 && 10_u64.pow(refused.ilog10()) == refused).then_some(refused)
+        is_round(self.refused).then_some(self.refused)
     }
 }
 

@@ -251,12 +251,6 @@ impl BatteryMonitor {
         self.reported = self.reported.map(|_| now);
     }
 
-    /// Whether the last report is so recent that the silence does not count as low yet.
-    pub fn is_fresh(&self, now: Instant) -> bool {
-        self.reported
-            .is_some_and(|reported| now < reported + self.silence)
-    }
-
     /// Why the battery is low; `None` if it is not, or was released.
     pub fn low(&self) -> Option<LowCause> {
         self.low_cause
@@ -518,16 +512,6 @@ mod tests {
         rig.now = due;
         // The same reports before the silence counted too.
         assert_eq!(rig.report(80, false), RELEASED);
-    }
-
-    #[test]
-    fn a_level_is_fresh_until_silence_counts() {
-        let mut rig = Rig::new();
-        assert!(!rig.monitor.is_fresh(rig.now), "no report yet");
-        rig.report(10, false);
-        let later = |ms| rig.now + Duration::from_millis(ms);
-        assert!(rig.monitor.is_fresh(later(599_999)));
-        assert!(!rig.monitor.is_fresh(later(600_000)));
     }
 
     #[test]

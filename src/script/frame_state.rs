@@ -1,8 +1,7 @@
 //! The state of the camera's frames: the newest frame, its decoder, and the planned check of a
 //! frame for the robot's own motion.
 
-use std::cell::Cell;
-use std::rc::Rc;
+use std::rc::{Rc, Weak};
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -11,7 +10,7 @@ use super::damage::Damage;
 use super::options::Options;
 use crate::odometry::TimedMotion;
 use crate::robot::Frame;
-use crate::vision::{Blob, FrameAnalyser, Size, SkylineReader};
+use crate::vision::{Blob, FrameAnalyser, SkylineReader};
 
 /// Least time between two kept frames.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -19,37 +18,10 @@ const PERIOD: Duration = Duration::from_millis(500);
 const LIVE_PERIOD: Duration = Duration::from_millis(100);
 const MAX_MARKS: usize = 64;
 
-/// A received frame; its bytes are counted while it is referenced.
-pub(super) struct HeldFrame {
-    pub(super) frame: Frame,
-    pub(super) size: Size,
-    held: Rc<Cell<u64>>,
-}
-
-impl HeldFrame {
-    /// Creates a held frame; `size` is from the markers of the JPEG. Its bytes count in `held`
-    /// until it is dropped.
-    pub(super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
-        held.set(held.get() + frame.jpeg.len() as u64);
-        HeldFrame {
-            frame,
-            size,
-            held: Rc::clone(held),
-        }
-    }
-}
-
-impl Drop for HeldFrame {
-    fn drop(&mut self) {
-        let bytes = self.frame.jpeg.len() as u64;
-        self.held.set(self.held.get().saturating_sub(bytes));
-    }
-}
-
 pub(super) struct FrameState {
-    pub(super) newest: Option<Rc<HeldFrame>>,
-    /// JPEG bytes of all frames that are still referenced.
-    pub(super) held_bytes: Rc<Cell<u64>>,
+    pub(super) newest: Option<Rc<Frame>>,
+    /// All frames that something may still reference.
+    held: Vec<Weak<Frame>>,
     pub(super) analyser: FrameAnalyser,
     pub(super) skyline_reader: SkylineReader,
     /// Each tracker and motion detector that exists holds one more reference.
@@ -66,7 +38,7 @@ pub(super) struct FrameState {
 /// How to examine a frame for the robot's own motion, with the state at the time when the frame
 /// arrived.
 pub(super) struct MotionCheck {
-    pub(super) held: Rc<HeldFrame>,
+    pub(super) frame: Rc<Frame>,
     pub(super) timed: Option<TimedMotion>,
     pub(super) turns: bool,
 }
@@ -75,7 +47,7 @@ impl FrameState {
     pub(super) fn new(options: &Options) -> FrameState {
         FrameState {
             newest: None,
-            held_bytes: Rc::default(),
+            held: Vec::new(),
             analyser: FrameAnalyser::new(options.camera),
             skyline_reader: SkylineReader::new(options.camera),
             watchers: Rc::default(),
@@ -84,6 +56,21 @@ impl FrameState {
             damage: Damage::default(),
             recorder: DetectionsRecorder::from_options(options),
         }
+    }
+
+    /// Makes a frame the newest one, and counts its bytes for as long as something references it.
+    pub(super) fn hold(&mut self, frame: Frame) -> Rc<Frame> {
+        let frame = Rc::new(frame);
+        self.held.retain(|held| held.strong_count() > 0);
+        self.held.push(Rc::downgrade(&frame));
+        self.newest = Some(Rc::clone(&frame));
+        frame
+    }
+
+    /// The JPEG bytes of all frames that are still referenced.
+    pub(super) fn held_bytes(&self) -> u64 {
+        let held = self.held.iter().filter_map(Weak::upgrade);
+        held.map(|frame| frame.jpeg.len() as u64).sum()
     }
 }
 

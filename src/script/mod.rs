@@ -9,7 +9,6 @@ mod budget;
 mod damage;
 mod declaration;
 mod eval;
-mod events;
 mod failure;
 mod frame_state;
 mod interrupt;
@@ -29,21 +28,25 @@ pub(crate) mod tests;
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::time::Duration;
 
-use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaThread};
+use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaTable, LuaThread, LuaValue};
 use mlua::thread::ThreadStatus;
 use tokio::time::Instant;
 
-use crate::robot::{EndReason, Event, Frame};
+use crate::api::EventName;
+use crate::robot::{DockEnd, EndReason, Event, Frame, MotionEnd};
 use crate::wire::Stream;
-use api::{Shared, payload_to_lua, resume_values};
+use api::{Shared, battery_table, frame_to_lua, of_row};
 use budget::SliceCost;
 use declaration::no_declaration_error;
-use events::{Busy, EventName};
 use failure::{Life, VmError, is_kill};
 use modules::Progress;
-use state::{Outcome, SliceStart, State};
-use task::{Cancel, Ready, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup};
+use state::{Busy, CANCELLED, Outcome, SliceStart, State};
+use streams::audio_to_lua;
+use task::{
+    Cancel, Payload, Ready, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup,
+};
 
 pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
 pub use declaration::{GivenParam, ParamOrigin, ParamValue};
@@ -498,16 +501,13 @@ impl Script {
     /// Kills the script if it holds too many frames even after a garbage collection, as for too
     /// much memory: frames are outside the VM's memory.
     fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
-        let (held, limit) = {
-            let state = self.state.borrow();
-            let held = Rc::clone(&state.frames.held_bytes);
-            (held, state.options.limits.memory_bytes)
-        };
-        if held.get() <= limit {
+        let limit = self.state.borrow().options.limits.memory_bytes;
+        let is_too_much = || self.state.borrow().frames.held_bytes() > limit;
+        if !is_too_much() {
             return Ok(());
         }
         self.lua.gc_collect()?;
-        if held.get() > limit {
+        if is_too_much() {
             let chunk = self.chunk();
             let limit = limit / 1024;
             let text = format!("{chunk}: holds on to more than {limit} KiB of frames; keep fewer");
@@ -540,7 +540,7 @@ impl Script {
         let thread = self.lua.create_thread(handler);
         let reason = self.lua.create_string(reason);
         if let (Ok(thread), Ok(reason)) = (thread, reason) {
-            let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
+            let values = LuaMultiValue::from_iter([LuaValue::String(reason)]);
             let start = Wakeup::Start(values);
             state
                 .tasks
@@ -666,4 +666,96 @@ enum Slice {
     Waits,
     Over(Outcome),
     Memory,
+}
+
+/// The argument of handlers: an empty table if the event has no payload.
+fn payload_to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
+    let event = match payload {
+        Payload::Frame(frame) => return frame_to_lua(lua, frame),
+        Payload::Noise { dbfs, own } => {
+            let table = lua.create_table_with_capacity(0, 2)?;
+            table.raw_set("dbfs", *dbfs)?;
+            table.raw_set("own", *own)?;
+            return Ok(LuaValue::Table(of_row("Noise", table)));
+        }
+        Payload::Event(event) => event,
+    };
+    let table = event_table(lua, event)?;
+    let row = EventName::from_event(event).and_then(|name| crate::api::event(name.name()));
+    let object = row.and_then(|row| row.payload);
+    let table = match object {
+        Some(object) => of_row(object, table),
+        None => table,
+    };
+    Ok(LuaValue::Table(table))
+}
+
+fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
+    let table = lua.create_table()?;
+    match event {
+        Event::Connected { info, .. } => table.raw_set("address", info.address.as_str())?,
+        Event::Disconnected { reason } => table.raw_set("reason", reason.as_str())?,
+        Event::Battery(battery) | Event::BatteryLow(battery) | Event::BatteryOk(battery) => {
+            return battery_table(lua, *battery, Duration::ZERO);
+        }
+        Event::Charging { on } => table.raw_set("on", *on)?,
+        Event::Audio(samples) => return audio_to_lua(lua, samples),
+        Event::Safety { action, reason } => {
+            table.raw_set("action", action.name())?;
+            table.raw_set("reason", reason.as_str())?;
+        }
+        Event::Engine { code } => table.raw_set("code", *code)?,
+        Event::DriveGrant { seconds, power } => {
+            table.raw_set("seconds", seconds.as_secs_f64())?;
+            table.raw_set("power", power.get())?;
+        }
+        _ => {}
+    }
+    Ok(table)
+}
+
+/// The values for `Thread::resume`: plain arguments at the start; after a yield `true` and the
+/// return values of the waiting call, or `false` and the error to raise.
+fn resume_values(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
+    match answer {
+        Wakeup::Start(values) => Ok(values),
+        // The text has its place already.
+        Wakeup::Failed(text) => (false, text, true).into_lua_multi(lua),
+        Wakeup::Cancelled => (false, CANCELLED).into_lua_multi(lua),
+        answer => {
+            let mut values = returned(lua, answer)?;
+            values.push_front(LuaValue::Boolean(true));
+            Ok(values)
+        }
+    }
+}
+
+fn returned(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
+    match answer {
+        Wakeup::Slept(time) => time.as_secs_f64().into_lua_multi(lua),
+        Wakeup::Beat(missed) => (missed as f64).into_lua_multi(lua),
+        Wakeup::Event(payload) => payload_to_lua(&payload, lua)?.into_lua_multi(lua),
+        Wakeup::NoEvent => (LuaValue::Nil, "timeout").into_lua_multi(lua),
+        Wakeup::Refused(code) => (false, code).into_lua_multi(lua),
+        Wakeup::Motion(end) => (end == MotionEnd::Done, end.name()).into_lua_multi(lua),
+        Wakeup::Dock(outcome) => {
+            let info = lua.create_table_with_capacity(0, 2)?;
+            info.raw_set("attempts", outcome.attempts)?;
+            info.raw_set("seconds", outcome.took.as_secs_f64())?;
+            let info = of_row("DockInfo", info);
+            let docked = matches!(outcome.end, DockEnd::Done | DockEnd::AlreadyDocked);
+            (docked, outcome.end.name(), info).into_lua_multi(lua)
+        }
+        Wakeup::Undock(end) => {
+            let undocked = matches!(end, DockEnd::Done | DockEnd::NotDocked);
+            (undocked, end.name()).into_lua_multi(lua)
+        }
+        Wakeup::Joined(status, Some(text)) => {
+            (status == Status::Done, status.name(), text).into_lua_multi(lua)
+        }
+        Wakeup::Joined(status, None) => (status == Status::Done, status.name()).into_lua_multi(lua),
+        Wakeup::Again => "again".into_lua_multi(lua),
+        Wakeup::Values(values) => Ok(values),
+        Wakeup::Start(_) | Wakeup::Failed(_) | Wakeup::Cancelled => Ok(LuaMultiValue::new()),
+    }
 }

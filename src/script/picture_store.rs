@@ -11,7 +11,7 @@ use tokio::time::Instant;
 
 use super::options::Limits;
 use crate::files::{Folder, Item};
-use crate::rate_limit::{Budget, Repeats};
+use crate::rate_limit::{Repeats, TokenBucket};
 
 /// The size that every file counts as at least, in bytes, so that the number of tiny files is
 /// limited too.
@@ -44,7 +44,7 @@ pub(super) struct PictureStore {
     folder: Option<PathBuf>,
     quota: u64,
     free: u64,
-    day: Budget,
+    day: TokenBucket,
     /// The content of the folder, once it was read.
     content: Option<FolderContent>,
     /// By the words that name a kind of message.
@@ -84,7 +84,7 @@ impl PictureStore {
             folder,
             quota: limits.picture_bytes,
             free: limits.free_bytes,
-            day: Budget::new(limits.bytes_a_day),
+            day: TokenBucket::a_day(limits.bytes_a_day),
             content: None,
             messages: Repeats::new(MESSAGE_INTERVAL),
         }
@@ -122,10 +122,10 @@ impl PictureStore {
             let why = format!("the disk has less than {} bytes left", self.free);
             return Err(self.refuse("disk", &why, now));
         }
-        if !self.day.take(heavy, now) {
+        if !self.day.take(heavy as f64, now) {
             let why = format!(
                 "the limit of {} bytes of pictures a day is used up",
-                self.day.per_day
+                self.day.per_day()
             );
             return Err(self.refuse("day", &why, now));
         }

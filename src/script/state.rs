@@ -15,24 +15,25 @@ use mlua::prelude::{LuaFunction, LuaMultiValue};
 use tokio::time::Instant;
 
 use super::eval;
-use super::events::{Busy, EventName, Payload, Subscriptions, is_round};
 use super::failure::{FailureLog, Life, ScriptExit};
-use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, MotionCheck};
+use super::frame_state::{AnnotatedFrame, FrameState, LabelledBlob, MotionCheck};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::{Options, ScenarioApi};
-use super::output::{DailyLimits, Evaluated, FromHost, Level, LogLine, OutputQueue};
+use super::output::{DailyLimits, Evaluated, FromHost, Level, LogLine};
 use super::picture_store::PictureStore;
 use super::store::Store;
 use super::streams::{Demand, Loudness, WantedStreams};
 use super::task::{
-    Cancel, Due, Group, GroupId, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Tasks, Wait,
-    Wakeup,
+    Cancel, Due, Group, GroupId, Payload, Status, SubscriptionId, TaskId, TaskKind, TaskPhase,
+    Tasks, Timer, Wait, Wakeup,
 };
+use crate::api::EventName;
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
+use crate::rate_limit::is_round;
 use crate::robot::{
-    Battery, DeclaredParam, DockEnd, EndReason, Event, Frame, Intent, MotionEnd, MotionId,
-    RobotInfo,
+    Battery, DeclaredParam, DockEnd, EndReason, Event, Frame, HostReport, Intent, MotionEnd,
+    MotionId, RobotInfo,
 };
 use crate::vision::{Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, validate_markers};
 use crate::wire::Stream;
@@ -58,6 +59,17 @@ const MAX_FAILURES: u32 = 5;
 /// Time limit for clean-up and `script.on_stop` together.
 const STOP_TIME: Duration = Duration::from_millis(500);
 
+pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
+/// The most events that wait for a handler.
+const MAX_QUEUE: usize = 64;
+const MAX_INTENTS: usize = 256;
+/// Largest number of bytes of `Intent::Say` in the queue.
+const MAX_SPEECH: usize = 256 * 1024;
+/// Largest number of log lines in one [`WINDOW`]; further ones are dropped and counted.
+const MAX_LINES: u32 = 100;
+/// The period of [`MAX_LINES`].
+const WINDOW: Duration = Duration::from_secs(1);
+
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Usage {
     /// Time spent running, by the wall clock.
@@ -78,7 +90,7 @@ pub(super) struct State {
     /// The first failure of a task that nothing has joined: the script then ends with it.
     pub(super) failed_task: Option<(TaskId, String)>,
     pub(super) groups: BTreeMap<GroupId, Group>,
-    pub(super) subscriptions: Subscriptions,
+    pub(super) subscriptions: BTreeMap<SubscriptionId, Subscription>,
     pub(super) robot: RobotState,
     pub(super) motion: Motion,
     pub(super) odometry: Odometry,
@@ -202,8 +214,8 @@ impl State {
 
     /// Plans to examine a frame for the robot's own motion: for turns, and during a timed motion
     /// for a blockage. This happens after the script's own handlers, so that they are not delayed.
-    fn plan_motion_check(&mut self, held: &Rc<HeldFrame>) {
-        let at = held.frame.at;
+    fn plan_motion_check(&mut self, frame: &Rc<Frame>) {
+        let at = frame.at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
         let timed = self
@@ -223,16 +235,24 @@ impl State {
         if timed.is_none() && !turns {
             return self.odometry.look(at, None);
         }
-        let held = Rc::clone(held);
-        self.frames.motion_check = Some(MotionCheck { held, timed, turns });
+        let frame = Rc::clone(frame);
+        self.frames.motion_check = Some(MotionCheck {
+            frame,
+            timed,
+            turns,
+        });
     }
 
     pub(super) fn examine_frame_for_motion(&mut self) {
-        let Some(MotionCheck { held, timed, turns }) = self.frames.motion_check.take() else {
+        let Some(MotionCheck {
+            frame,
+            timed,
+            turns,
+        }) = self.frames.motion_check.take()
+        else {
             return;
         };
         let camera = self.options.camera;
-        let frame = &held.frame;
         let Ok(image) = self.frames.analyser.decode(frame.seq, &frame.jpeg) else {
             return;
         };
@@ -263,16 +283,16 @@ impl State {
 
     pub(super) fn record_detections(
         &mut self,
-        held: &HeldFrame,
+        frame: &Frame,
         found: impl IntoIterator<Item = LabelledBlob>,
     ) {
         if let Some(recorder) = &mut self.frames.recorder {
-            recorder.record(&held.frame, self.now, found);
+            recorder.record(frame, self.now, found);
         }
     }
 
     pub(super) fn take_annotated_frame(&mut self) -> Option<AnnotatedFrame> {
-        let newest = self.frames.newest.as_ref().map(|held| held.frame.seq);
+        let newest = self.frames.newest.as_ref().map(|frame| frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
         let recorder = self.frames.recorder.as_mut()?;
         recorder.take_if(|annotated| !busy || newest != Some(annotated.frame.seq))
@@ -388,17 +408,13 @@ impl State {
     pub(super) fn deliver_frame(&mut self, frame: Frame) -> bool {
         // For a script that is always busy: examine the last frame before its buffers are reused.
         self.examine_frame_for_motion();
-        let size = match validate_markers(&frame.jpeg) {
-            Ok(size) => size,
-            Err(error) => {
-                self.note_damage(frame.seq, &error);
-                return false;
-            }
-        };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.frames.held_bytes));
-        self.frames.newest = Some(Rc::clone(&held));
-        self.plan_motion_check(&held);
-        self.publish(EventName::Frame, Payload::Frame(held));
+        if let Err(error) = validate_markers(&frame.jpeg) {
+            self.note_damage(frame.seq, &error);
+            return false;
+        }
+        let frame = self.frames.hold(frame);
+        self.plan_motion_check(&frame);
+        self.publish(EventName::Frame, Payload::Frame(frame));
         true
     }
 
@@ -897,29 +913,21 @@ impl State {
     }
 
     /// The picture of a frame; `None` for a damaged one, which is counted.
-    pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self
-            .frames
-            .analyser
-            .decode(held.frame.seq, &held.frame.jpeg)
-        {
-            self.note_damage(held.frame.seq, &error);
+    pub(super) fn image(&mut self, frame: &Frame) -> Option<&Image> {
+        if let Err(error) = self.frames.analyser.decode(frame.seq, &frame.jpeg) {
+            self.note_damage(frame.seq, &error);
             return None;
         }
         // The frame is decoded already: this only borrows it again.
-        self.frames
-            .analyser
-            .decode(held.frame.seq, &held.frame.jpeg)
-            .ok()
+        self.frames.analyser.decode(frame.seq, &frame.jpeg).ok()
     }
 
     pub(super) fn find_blobs(
         &mut self,
-        held: &HeldFrame,
+        frame: &Frame,
         colours: &[Colour],
         options: &BlobOptions,
     ) -> Vec<Blob> {
-        let frame = &held.frame;
         let found = self
             .frames
             .analyser
@@ -927,7 +935,7 @@ impl State {
         match found {
             Ok(blobs) => blobs.to_vec(),
             Err(error) => {
-                self.note_damage(held.frame.seq, &error);
+                self.note_damage(frame.seq, &error);
                 Vec::new()
             }
         }
@@ -935,11 +943,10 @@ impl State {
 
     pub(super) fn find_line(
         &mut self,
-        held: &HeldFrame,
+        frame: &Frame,
         colours: &[Colour],
         part: Option<Roi>,
     ) -> Option<Line> {
-        let frame = &held.frame;
         let found = self
             .frames
             .analyser
@@ -948,6 +955,195 @@ impl State {
             self.note_damage(frame.seq, &error);
             None
         })
+    }
+}
+
+/// One `robot.on` or `robot.once`.
+pub(super) struct Subscription {
+    pub(super) event: EventName,
+    pub(super) function: LuaFunction,
+    pub(super) once: bool,
+    pub(super) latest: bool,
+    /// The least time between the starts of two runs.
+    pub(super) interval: Option<Duration>,
+    queue: VecDeque<Payload>,
+    next_run: Option<Instant>,
+    /// Whether a run is queued or in progress, or a timer will queue it.
+    pub(super) busy: Busy,
+    /// Failed runs since the last successful one.
+    pub(super) failures: u32,
+    dropped: u64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Busy {
+    No,
+    Queued,
+    Timed(Timer),
+    Running(TaskId),
+}
+
+impl Subscription {
+    pub(super) fn new(event: EventName, function: LuaFunction) -> Subscription {
+        Subscription {
+            event,
+            function,
+            once: false,
+            latest: event.keeps_latest(),
+            interval: None,
+            queue: VecDeque::new(),
+            next_run: None,
+            busy: Busy::No,
+            failures: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Queues an event. Returns the number of events dropped so far if that number is worth a log
+    /// line (1, 10, 100, ...).
+    pub(super) fn push(&mut self, payload: Payload) -> Option<u64> {
+        if self.latest {
+            self.queue.clear();
+            self.queue.push_back(payload);
+            return None;
+        }
+        if self.queue.len() < MAX_QUEUE {
+            self.queue.push_back(payload);
+            return None;
+        }
+        self.dropped += 1;
+        is_round(self.dropped).then_some(self.dropped)
+    }
+
+    pub(super) fn has_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
+    /// Takes the next event from the queue, and sets the earliest time of the run after it.
+    pub(super) fn pop(&mut self, now: Instant) -> Option<Payload> {
+        let payload = self.queue.pop_front()?;
+        self.next_run = self.interval.map(|interval| now + interval);
+        Some(payload)
+    }
+
+    pub(super) fn delayed_until(&self, now: Instant) -> Option<Instant> {
+        self.next_run.filter(|at| *at > now)
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct OutputQueue {
+    waiting: Vec<FromHost>,
+    intents: usize,
+    speech: usize,
+    window: Instant,
+    lines: u32,
+    dropped: u32,
+}
+
+impl OutputQueue {
+    pub(super) fn new(now: Instant) -> OutputQueue {
+        OutputQueue {
+            waiting: Vec::new(),
+            intents: 0,
+            speech: 0,
+            window: now,
+            lines: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Whether there is room for one more intent with `speech` bytes.
+    pub(super) fn has_room(&self, speech: usize) -> bool {
+        self.intents < MAX_INTENTS && self.speech + speech <= MAX_SPEECH
+    }
+
+    /// Queues an intent even if the queue is full: for intents of the runtime itself.
+    pub(super) fn send(&mut self, intent: Intent) {
+        self.intents += 1;
+        if let Intent::Say(samples) = &intent {
+            self.speech += samples.len();
+        }
+        self.waiting.push(FromHost::Intent(intent));
+    }
+
+    /// Queues a stop, even if the queue is full; a second stop directly after another is dropped.
+    pub(super) fn send_stop(&mut self) {
+        if self.waiting.last() != Some(&FromHost::Intent(Intent::Stop)) {
+            self.send(Intent::Stop);
+        }
+    }
+
+    /// Queues output whose number the caller bounds.
+    pub(super) fn push(&mut self, output: FromHost) {
+        self.waiting.push(output);
+    }
+
+    /// Queues a log line, or counts it if there were too many lines this second.
+    pub(super) fn log(&mut self, line: LogLine, now: Instant) {
+        self.roll_window(now);
+        if self.lines < MAX_LINES {
+            self.lines += 1;
+            self.waiting.push(FromHost::Log(line));
+        } else {
+            self.dropped += 1;
+        }
+    }
+
+    pub(super) fn params(&mut self, params: Vec<DeclaredParam>) {
+        self.waiting
+            .retain(|output| !matches!(output, FromHost::Params(_)));
+        self.waiting.push(FromHost::Params(params));
+    }
+
+    /// Starts a new period once the last one is over, and reports how many lines were dropped in
+    /// it.
+    pub(super) fn roll_window(&mut self, now: Instant) {
+        if now.saturating_duration_since(self.window) >= WINDOW {
+            self.window = now;
+            self.lines = 0;
+            self.report_dropped();
+        }
+    }
+
+    /// When [`OutputQueue::roll_window`] has something to report.
+    pub(super) fn window_end(&self) -> Option<Instant> {
+        (self.dropped > 0).then(|| self.window + WINDOW)
+    }
+
+    pub(super) fn report_dropped(&mut self) {
+        if self.dropped > 0 {
+            let text = format!("... and {} more lines", self.dropped);
+            let line = LogLine::new(Level::Warn, &text);
+            self.waiting.push(FromHost::Log(line));
+            self.dropped = 0;
+        }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Removes all but the first `kept` items, except log lines, parameters and saved pictures: those
+    /// have already happened.
+    pub(super) fn withdraw_after(&mut self, kept: usize) {
+        let mut index = 0;
+        self.waiting.retain(|output| {
+            index += 1;
+            let happened = matches!(
+                output,
+                FromHost::Log(_)
+                    | FromHost::Params(_)
+                    | FromHost::HostReport(HostReport::Picture { .. })
+            );
+            index <= kept || happened
+        });
+    }
+
+    pub(super) fn take(&mut self) -> Vec<FromHost> {
+        self.intents = 0;
+        self.speech = 0;
+        std::mem::take(&mut self.waiting)
     }
 }
 

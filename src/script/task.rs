@@ -9,8 +9,8 @@ use std::time::Duration;
 use mlua::prelude::{LuaMultiValue, LuaThread, LuaValue};
 use tokio::time::Instant;
 
-use super::events::{EventName, Payload};
-use crate::robot::{CallId, DockEnd, DockOutcome, MotionEnd, MotionId};
+use crate::api::EventName;
+use crate::robot::{CallId, DockEnd, DockOutcome, Event, Frame, MotionEnd, MotionId};
 
 /// Largest number of tasks at once, including timers and running handlers.
 pub(super) const MAX_TASKS: usize = 256;
@@ -85,6 +85,14 @@ pub(super) enum Wait {
     Group(GroupId),
     /// Waits for a module's file, or for the task that runs the module.
     Module(ModuleId),
+}
+
+/// What a handler gets, or a task that waits for an event.
+#[derive(Clone)]
+pub(super) enum Payload {
+    Event(Rc<Event>),
+    Frame(Rc<Frame>),
+    Noise { dbfs: f64, own: bool },
 }
 
 pub(super) enum Wakeup {

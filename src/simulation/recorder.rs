@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use parking_lot::Mutex;
@@ -31,6 +31,16 @@ pub(super) fn begin() -> Instant {
     BEGAN.set(Some(began));
     began
 }
+
+/// Wants every event of the process. While there is one dispatcher only, `tracing` asks the default one
+/// of the thread that comes to a callsite first: a thread that records nothing would switch it off for
+/// the one that does.
+static WANTS_ALL: LazyLock<Dispatch> = LazyLock::new(|| {
+    Dispatch::new(Tee {
+        recorder: Recorder::new(|_| ()),
+        parent: Dispatch::none(),
+    })
+});
 
 /// Receives each event when it happens, on the simulation's thread. Cheap to clone.
 #[derive(Clone)]
@@ -69,7 +79,10 @@ pub(super) fn with_recorder<T>(
     work: impl FnOnce() -> T,
 ) -> T {
     let dispatch = match recorder {
-        Some(recorder) => Dispatch::new(Tee { recorder, parent }),
+        Some(recorder) => {
+            LazyLock::force(&WANTS_ALL);
+            Dispatch::new(Tee { recorder, parent })
+        }
         None => parent,
     };
     tracing::dispatcher::with_default(&dispatch, work)

@@ -11,7 +11,7 @@ use spykee::sim::{CameraSettings, FULL_SPEED, Firmware, TRACK_WIDTH, World};
 use spykee::vision::{Camera, Decoder, Paper, SheetPose, pose_from_sheets};
 
 use crate::camera_truth::simulated;
-use crate::rig::{QUIET_WORLD, Rig, Run, Stopwatch, assert_contains};
+use crate::rig::{QUIET_WORLD, Rig, Run, Stopwatch, assert_contains, near_home};
 use crate::terminal::Terminal;
 
 fn number(text: &str, key: &str) -> f64 {
@@ -51,7 +51,7 @@ async fn nothing_is_measured_on_the_station_or_with_a_low_battery() {
     for (world, code, why) in [
         (QUIET_WORLD.replace(start, ""), 1, "on its station"),
         (
-            QUIET_WORLD.replace("level: 90", "level: 15"),
+            near_home().replace("level: 90", "level: 15"),
             5,
             "battery is low",
         ),

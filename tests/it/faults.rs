@@ -21,7 +21,7 @@ use self::table::{SCENARIOS, Scenario};
 const CHAPTER: &str = include_str!("../../behaviours/guide/trust/networks.md");
 
 /// Scenarios that run in parallel; each is three processes that mostly wait.
-const AT_ONCE: usize = 6;
+const AT_ONCE: usize = 9;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn every_promise_on_broken_networks_is_kept() {

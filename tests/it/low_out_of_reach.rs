@@ -11,8 +11,8 @@ use spykee::wire::{Command, Engage};
 use tokio::time::{sleep, timeout};
 
 use crate::fast::{behaviour, quiet_world};
+use crate::rig::sized;
 
-const SEEDS: u64 = 20;
 const OUTAGES: [u64; 4] = [1, 5, 12, 30];
 /// From the moment at which the robot is in reach again to its BASE_FIND.
 const LIMIT: Duration = Duration::from_secs(3);
@@ -75,7 +75,7 @@ fn a_low_robot_is_sent_home_within_three_seconds_of_being_in_reach_again() {
     let mut longest = Duration::ZERO;
     for low in [Low::Before, Low::Meanwhile] {
         for out in OUTAGES {
-            for seed in 1..=SEEDS {
+            for seed in 1..=sized(4, 20) {
                 match lateness(low, out, seed) {
                     Some(lateness) if lateness <= LIMIT => longest = longest.max(lateness),
                     lateness => late.push((low, out, seed, lateness)),

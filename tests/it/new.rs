@@ -68,7 +68,7 @@ end)
 /// In the living room a battery lasts for two minutes, so an hour has 17 charges.
 #[test]
 fn templates_run_for_hours_with_many_charges() {
-    for (template, hours) in [("patrol", sized(2, 24)), ("follow", 1)] {
+    for (template, hours) in [("patrol", sized(1, 24)), ("follow", 1)] {
         let folder = tempfile::tempdir().unwrap();
         let spykee = |args: &[&str]| {
             let ended = run_in(folder.path(), args);

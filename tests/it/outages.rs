@@ -154,7 +154,8 @@ async fn the_timetable_waits_until_the_clock_is_set() {
     run.says("connected").await;
     run.says("the clock is not set").await;
     assert!(!run.text().contains("starts by the timetable"));
-    set_clock(&seconds, 0);
+    // It looks at least every 15 s, and then waits for the next full minute.
+    set_clock(&seconds, until_second(44));
     run.says("the clock is set: the timetable begins").await;
     run.says("starts by the timetable").await;
     run.signal(Signal::TERM);
@@ -185,7 +186,8 @@ async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
     let mut run = rig.spykee_with(&args, &environment);
     run.says("starts by the timetable").await;
     run.says("the script has finished").await;
-    set_clock(&seconds, until_second(56) - 86_400);
+    // It looks at least every 15 s, and then waits for the next full minute.
+    set_clock(&seconds, until_second(44) - 86_400);
     run.says("the clock was set by -8").await;
     let again = async {
         while run.text().matches("starts by the timetable").count() < 2 {

@@ -101,7 +101,8 @@ battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.0
 
 /// The same world, with a robot so near to its station that a search ends within seconds.
 pub fn near_home() -> String {
-    QUIET_WORLD.replace("at: [4, 4]", "at: [1.5, 4]")
+    let start = "at: [4, 4], heading_degrees: 90";
+    QUIET_WORLD.replace(start, "at: [1.1, 4], heading_degrees: 135")
 }
 
 /// The same world, with a robot on its station.

@@ -134,7 +134,7 @@ async fn one_garbage_level_neither_releases_a_low_robot_nor_ends_its_search() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let _run = rig.run("robot.move(20, 20) task.wait(600)");
     rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);

@@ -369,7 +369,7 @@ async fn a_person_who_sends_the_robot_home_ends_what_drives_and_history_says_who
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_idle_robot_is_sent_home() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     rig.file("asked.lua", DRIVES);
     config(
         &rig,
@@ -395,7 +395,7 @@ async fn an_idle_robot_is_sent_home() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_that_nobody_drives_goes_home_although_a_guard_is_always_on() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     rig.file("watch.lua", "while true do task.wait(1) end");
     rig.file("go.lua", "robot.undock() robot.move(30, 30, 0.3)");
     let behaviours = "behaviours:\n- file: watch.lua\n- { file: go.lua, start: asked }\n";

@@ -9,7 +9,7 @@ use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 use tokio::time::{Instant, sleep};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves, run_in};
 
 const DECLARES: &str = "local p = params.declare{ speed = {default = 40, min = 10, max = 60, unit = '%'} }\n\
                         print('speed is', p.speed) robot.move(p.speed, p.speed, 0.2)";
@@ -365,28 +365,30 @@ camera: { fps: 5 }
 
 /// It returns what is behind the wall, facing it; what is nowhere is looked for until all is seen, and
 /// the robot has hit nothing.
-#[tokio::test(flavor = "multi_thread")]
-async fn a_search_of_the_floor_finds_what_is_behind_a_wall_and_ends_when_all_is_seen() {
-    let rig = Rig::quiet().await;
-    rig.file("rooms.yaml", TWO_ROOMS);
+#[test]
+fn a_search_of_the_floor_finds_what_is_behind_a_wall_and_ends_when_all_is_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    file("rooms.yaml", TWO_ROOMS);
     let search = "local looked = 0
         local thing, code = require('@spykee/floor').search(function(frame)
             looked += 1
             return frame:find_blobs('red', { pixels_threshold = 60 })[1]
         end, { seconds = 600 })
         print(code, thing and math.abs(thing.bearing) < 0.6, looked > 20)";
-    rig.file("red.lua", search);
-    rig.file("cyan.lua", &search.replace("red", "cyan"));
+    file("red.lua", search);
+    file("cyan.lua", &search.replace("red", "cyan"));
     for (script, world, said) in [
         ("red.lua", "rooms.yaml", "found true true"),
         ("cyan.lua", "playpen", "all_seen nil true"),
     ] {
         let fast = "--fast --for 700 --seed 1 --events events.jsonl";
         let run = ["run", script, "--sim", world].into_iter();
-        let mut run = rig.spykee(&run.chain(fast.split(' ')).collect::<Vec<_>>());
-        assert_eq!(run.code().await, Some(0), "{}", run.text());
-        assert_contains(&run.text(), &[said]);
-        let events = std::fs::read_to_string(rig.folder().join("events.jsonl")).unwrap();
+        let run = run.chain(fast.split(' ')).collect::<Vec<_>>();
+        let ended = run_in(folder.path(), &run);
+        assert_eq!(ended.code, Some(0), "{}", ended.text());
+        assert_contains(&ended.text(), &[said]);
+        let events = std::fs::read_to_string(folder.path().join("events.jsonl")).unwrap();
         let end: serde_json::Value = serde_json::from_str(events.lines().last().unwrap()).unwrap();
         assert_eq!(end["collisions"], 0, "{end}");
         let driven = end["distance"].as_f64().unwrap();

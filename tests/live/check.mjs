@@ -1,6 +1,7 @@
 // Drives the page in Chromium. Each promise is a function; what the robot does is asked of the simulated
 // world, through the map's own messages.
 
+import { AsyncLocalStorage } from "node:async_hooks";
 import { execFileSync, spawn, spawnSync } from "node:child_process";
 import fs from "node:fs";
 import net from "node:net";
@@ -16,16 +17,19 @@ const WebSocket = require("ws");
 const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const root = path.resolve(path.dirname(fileURLToPath(import.meta.url)), "../..");
 const WAIT_LIMIT = 30_000;
+/** So many promises are put to the test side by side: they mostly wait. */
+const AT_ONCE = 3;
+/** The processes of the promise that is put to the test. */
+const processes = new AsyncLocalStorage();
 /** Also the cases that take minutes. */
 const nightly = Boolean(process.env.NIGHTLY);
 
 /** A program that says something when it is there. */
 class Process {
-  static all = new Set();
-
   static async start(args, ready, folder = os.tmpdir()) {
     const one = new Process();
-    Process.all.add(one);
+    one.all = processes.getStore();
+    one.all.add(one);
     one.text = "";
     one.child = spawn(spykee, args, { cwd: folder });
     one.gone = new Promise((resolve) => one.child.once("exit", resolve));
@@ -40,7 +44,7 @@ class Process {
   async end() {
     this.child.kill("SIGINT");
     await this.gone;
-    Process.all.delete(this);
+    this.all.delete(this);
   }
 }
 
@@ -1315,34 +1319,39 @@ async function usable(page, name) {
   }
 }
 
-const browser = await chromium.launch({
+const launch = () => chromium.launch({
   executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
 });
 
 /** Puts a promise to the test; whether it holds. */
-async function test(promise, holds) {
+async function test(browser, promise, holds) {
   const began = Date.now();
+  const own = new Set();
   try {
-    const said = await holds(browser);
+    const said = await processes.run(own, () => holds(browser));
     console.log(`${said ? "skipped" : "ok     "} ${promise}${said ? `: ${said}` : ""} (${((Date.now() - began) / 1000).toFixed(1)} s)`);
     return true;
   } catch (error) {
     // What it has left behind must not be in the way of the others.
     await Promise.all(browser.contexts().map((context) => context.close()));
-    await Promise.all([...Process.all].map((one) => one.end()));
+    await Promise.all([...own].map((one) => one.end()));
     console.log(`BROKEN  ${promise}\n        ${error.stack}`);
     return false;
   }
 }
 
 let broken = 0;
-for (const [promise, holds] of Object.entries(promises).filter(([promise]) => promise.includes(only))) {
-  let holding = await test(promise, holds);
-  for (let retry = 0; !holding && retry < Number(retries); retry += 1) {
-    console.log("        once more");
-    holding = await test(promise, holds);
+const waiting = Object.entries(promises).filter(([promise]) => promise.includes(only));
+await Promise.all(Array.from({ length: AT_ONCE }, async () => {
+  const browser = await launch();
+  for (let next = waiting.shift(); next; next = waiting.shift()) {
+    let holding = await test(browser, ...next);
+    for (let retry = 0; !holding && retry < Number(retries); retry += 1) {
+      console.log(`        once more: ${next[0]}`);
+      holding = await test(browser, ...next);
+    }
+    broken += holding ? 0 : 1;
   }
-  broken += holding ? 0 : 1;
-}
-await browser.close();
+  await browser.close();
+}));
 process.exit(broken > 0 ? 1 : 0);

@@ -205,7 +205,7 @@ fn unpaired(path: &str) -> LuaError {
 
 /// Checks, in builds with debug assertions, that a table from a call or an event has the fields of
 /// its row.
-pub(super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
+pub(in super::super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
     debug_assert!(has_fields(object, &table), "a {object} has other fields");
     table
 }

@@ -9,17 +9,16 @@ use mlua::UserDataFields as _;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::super::events::EventName;
-use super::super::frame_state::{HeldFrame, LabelledBlob};
+use super::super::frame_state::LabelledBlob;
 use super::super::output::{FromHost, Level};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
 use super::{Builder, Call, NativeResult, Natives, of_row, robot};
-use crate::api::Bounds;
-use crate::robot::HostReport;
+use crate::api::{Bounds, EventName};
+use crate::robot::{Frame, HostReport};
 use crate::vision::{
     Blob, BlobOptions, Camera, Direction, Image, Line, Roi, Size, brightness, find_qrcodes,
-    sharpness,
+    sharpness, validate_markers,
 };
 
 pub(super) const NATIVES: &Natives = &[
@@ -65,21 +64,21 @@ const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 /// Distance from a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;
 
-pub(super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
-    let object = lua.create_any_userdata(Rc::clone(held))?;
+pub(in super::super) fn to_lua(lua: &Lua, frame: &Rc<Frame>) -> LuaResult<LuaValue> {
+    let object = lua.create_any_userdata(Rc::clone(frame))?;
     Ok(LuaValue::UserData(object))
 }
 
-pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
-    let object = value.as_userdata()?.borrow::<Rc<HeldFrame>>().ok()?;
+pub(super) fn of_value(value: &LuaValue) -> Option<Rc<Frame>> {
+    let object = value.as_userdata()?.borrow::<Rc<Frame>>().ok()?;
     Some(Rc::clone(&object))
 }
 
-pub(super) fn receiver(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
-    Ok(Rc::clone(&*call.receiver::<Rc<HeldFrame>>()?))
+pub(super) fn receiver(call: &Call<'_>) -> Result<Rc<Frame>, Refusal> {
+    Ok(Rc::clone(&*call.receiver::<Rc<Frame>>()?))
 }
 
-impl Argument for Rc<HeldFrame> {
+impl Argument for Rc<Frame> {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
         of_value(&given.value).ok_or_else(|| given.wrong("a Frame"))
     }
@@ -87,29 +86,34 @@ impl Argument for Rc<HeldFrame> {
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
-    builder.object::<Rc<HeldFrame>>("Frame", |registry| {
-        registry.add_field_method_get("seq", |_, held| Ok(held.frame.seq));
-        registry.add_field_method_get("bytes", |_, held| Ok(held.frame.jpeg.len()));
-        registry.add_field_method_get("width", |_, held| Ok(held.size.width));
-        registry.add_field_method_get("height", |_, held| Ok(held.size.height));
+    builder.object::<Rc<Frame>>("Frame", |registry| {
+        registry.add_field_method_get("seq", |_, frame| Ok(frame.seq));
+        registry.add_field_method_get("bytes", |_, frame| Ok(frame.jpeg.len()));
+        registry.add_field_method_get("width", |_, frame| Ok(size(frame).width));
+        registry.add_field_method_get("height", |_, frame| Ok(size(frame).height));
         let of_camera = Rc::clone(&shared);
         registry.add_field_method_get("lens_height", move |_, _| {
             Ok(of_camera.borrow().options.camera.height)
         });
-        registry.add_field_method_get("age", move |_, held| {
+        registry.add_field_method_get("age", move |_, frame| {
             let now = shared.borrow().now;
-            let age = now.saturating_duration_since(held.frame.at);
+            let age = now.saturating_duration_since(frame.at);
             Ok(age.as_secs_f64())
         });
     })
 }
 
+/// The size that the markers say, which were valid when the frame arrived.
+fn size(frame: &Frame) -> Size {
+    validate_markers(&frame.jpeg).unwrap_or_default()
+}
+
 fn newest(call: &mut Call<'_>) -> NativeResult {
     robot::listen(call, EventName::Frame);
     let now = call.state.now;
-    let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
-    let held = call.state.frames.newest.as_ref().filter(fresh);
-    let object = held.map(|held| to_lua(call.lua, held)).transpose()?;
+    let fresh = |frame: &&Rc<Frame>| now.saturating_duration_since(frame.at) <= STALE;
+    let frame = call.state.frames.newest.as_ref().filter(fresh);
+    let object = frame.map(|frame| to_lua(call.lua, frame)).transpose()?;
     call.reply(object)
 }
 
@@ -121,13 +125,13 @@ fn wait_frame(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn save(call: &mut Call<'_>) -> NativeResult {
-    let held = receiver(call)?;
+    let frame = receiver(call)?;
     let name = call.args.get::<String>(0)?;
     let Some(name) = picture_store::file_name(&name) else {
         return Err(call.misuse(picture_store::NAMES));
     };
     let now = call.state.now;
-    match call.state.picture_store.save(&name, &held.frame.jpeg, now) {
+    match call.state.picture_store.save(&name, &frame.jpeg, now) {
         Ok(saved) => {
             if let Some(notice) = saved.notice {
                 call.state.log(Level::Info, &notice);
@@ -152,12 +156,12 @@ fn save(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn blobs(call: &mut Call<'_>) -> NativeResult {
-    let held = receiver(call)?;
+    let frame = receiver(call)?;
     let colours = Colours::parse(call, call.args.value(0))?;
     let options = blob_options(call)?;
-    let blobs = call.state.find_blobs(&held, &colours.colours, &options);
+    let blobs = call.state.find_blobs(&frame, &colours.colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
-    call.state.record_detections(&held, marks);
+    call.state.record_detections(&frame, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
         let table = blob_table(call.lua, blob, &colours.names)?;
@@ -212,7 +216,8 @@ fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
         let start = start.max(0.0);
         (start.floor() as u32, (end - start).max(0.0).round() as u32)
     };
-    let ((x, w), (y, h)) = (side(x, w), side(y, h));
+    let (x, w) = side(x, w);
+    let (y, h) = side(y, h);
     Roi { x, y, w, h }
 }
 
@@ -252,15 +257,15 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
 }
 
 fn line(call: &mut Call<'_>) -> NativeResult {
-    let held = receiver(call)?;
+    let frame = receiver(call)?;
     let colours = Colours::parse(call, call.args.value(0))?;
     let part: Option<Roi> = call.args.options(1)?.get("roi")?;
-    let line = call.state.find_line(&held, &colours.colours, part);
-    let size = call.state.image(&held).map(Image::size);
+    let line = call.state.find_line(&frame, &colours.colours, part);
+    let size = call.state.image(&frame).map(Image::size);
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
         call.state.record_detections(
-            &held,
+            &frame,
             line.zip(part).map(|(line, part)| line_mark(line, part)),
         );
     }
@@ -291,14 +296,10 @@ fn line_mark(line: Line, part: Roi) -> LabelledBlob {
 }
 
 fn qrcodes(call: &mut Call<'_>) -> NativeResult {
-    let held = receiver(call)?;
-    let codes = call
-        .state
-        .image(&held)
-        .map(find_qrcodes)
-        .unwrap_or_default();
+    let frame = receiver(call)?;
+    let codes = call.state.image(&frame).map(find_qrcodes);
     let list = call.lua.create_table()?;
-    for code in codes {
+    for code in codes.unwrap_or_default() {
         let corners = call.lua.create_table()?;
         for [x, y] in code.corners {
             let corner = call.lua.create_table_with_capacity(0, 2)?;
@@ -314,12 +315,10 @@ fn qrcodes(call: &mut Call<'_>) -> NativeResult {
         for (name, number) in [("x", x), ("y", y), ("w", w), ("h", h)] {
             table.raw_set(name, number)?;
         }
-        let (cx, cy) = (
-            f64::from(x) + f64::from(w) / 2.0,
-            f64::from(y) + f64::from(h) / 2.0,
-        );
+        let cx = f64::from(x) + f64::from(w) / 2.0;
+        let cy = f64::from(y) + f64::from(h) / 2.0;
         let camera = call.state.options.camera;
-        table.raw_set("bearing", camera.bearing(cx, cy, held.size))?;
+        table.raw_set("bearing", camera.bearing(cx, cy, size(&frame)))?;
         list.raw_push(of_row("QrCode", table))?;
     }
     call.reply(list)
@@ -337,9 +336,9 @@ fn extent(corners: [i32; 4]) -> (i32, i32) {
 fn distance_to(call: &mut Call<'_>) -> NativeResult {
     let part: Roi = call.args.get(0)?;
     let width: f64 = call.args.get(1)?;
-    let held = receiver(call)?;
+    let frame = receiver(call)?;
     let camera = call.state.options.camera;
-    let size = call.state.image(&held).map(Image::size);
+    let size = call.state.image(&frame).map(Image::size);
     let Some(size) = size.filter(|size| part.x > 0 && part.x + part.w < size.width) else {
         return call.reply(LuaValue::Nil);
     };
@@ -356,24 +355,23 @@ fn distance_to(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> NativeResult {
-    let held = receiver(call)?;
+    let frame = receiver(call)?;
     let part = call.args.get(0)?;
     let figure = call
         .state
-        .image(&held)
+        .image(&frame)
         .map_or(0.0, |image| figure(image, part));
     call.reply(figure)
 }
 
 fn pixel(call: &mut Call<'_>) -> NativeResult {
-    let held = receiver(call)?;
-    let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
-    let x = x.floor();
-    let y = y.floor();
+    let frame = receiver(call)?;
+    let x = call.args.get::<f64>(0)?.floor();
+    let y = call.args.get::<f64>(1)?.floor();
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }
-    let image = call.state.image(&held);
+    let image = call.state.image(&frame);
     match image.and_then(|image| image.pixel(x as u32, y as u32)) {
         Some([r, g, b]) => call.reply((r, g, b)),
         None => call.reply(LuaValue::Nil),
@@ -386,8 +384,8 @@ type Conversion = fn(Camera, f64, f64, Size) -> Option<(f64, f64)>;
 fn convert_point(call: &mut Call<'_>, convert: Conversion) -> NativeResult {
     let first = call.args.get(0)?;
     let second = call.args.get(1)?;
-    let held = receiver(call)?;
-    let size = call.state.image(&held).map(Image::size);
+    let frame = receiver(call)?;
+    let size = call.state.image(&frame).map(Image::size);
     let camera = call.state.options.camera;
     match size.and_then(|size| convert(camera, first, second, size)) {
         Some(converted) => call.reply(converted),

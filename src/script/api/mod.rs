@@ -31,12 +31,13 @@ use super::state::State;
 use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 use crate::wire::Stream;
-use builder::{Builder, of_row};
+use builder::Builder;
 
-pub(super) use builder::every_path;
-pub(super) use convert::{payload_to_lua, resume_values};
+pub(super) use builder::{every_path, of_row};
+pub(super) use frame::to_lua as frame_to_lua;
 pub(super) use modules::compile as compile_module;
 pub(super) use params::set_live as set_live_param;
+pub(super) use robot::battery_table;
 
 /// The state that native functions and the scheduler share. It is borrowed only while no line of
 /// the script runs.

@@ -5,14 +5,13 @@ use std::rc::Rc;
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe_key};
-use super::super::events::EventName;
 use super::super::failure::{VmError, printable};
 use super::super::modules::{Progress, Target, resolve};
 use super::super::output::FromHost;
 use super::super::sandbox;
 use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
-use crate::api::{self, Function, Namespace};
+use crate::api::{self, EventName, Function, Namespace};
 
 pub(super) const NATIVES: &Natives = &[
     // The first half of `require`; the other half is in the prelude.

@@ -2,15 +2,16 @@
 
 use std::time::Duration;
 
-use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{IntoLua, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
 use super::super::output::Level;
+use super::super::state::{MAX_SUBSCRIPTIONS, Subscription};
 use super::super::streams::Demand;
 use super::super::task::{SubscriptionId, Wait};
-use super::{Builder, Call, NativeResult, Natives, convert, of_row, tasks};
-use crate::robot::{Intent, Percent, Use};
+use super::{Builder, Call, NativeResult, Natives, of_row, tasks};
+use crate::api::EventName;
+use crate::robot::{Battery, Intent, Percent, Use};
 use crate::wire::{Led, Stream};
 
 pub(super) const NATIVES: &Natives = &[
@@ -140,9 +141,22 @@ fn stream(call: &mut Call<'_>) -> NativeResult {
 fn battery(call: &mut Call<'_>) -> NativeResult {
     let table = call.state.robot.battery.map(|(battery, at)| {
         let age = call.state.now.saturating_duration_since(at);
-        convert::battery_table(call.lua, battery, age)
+        battery_table(call.lua, battery, age)
     });
     call.reply(table.transpose()?)
+}
+
+pub(in super::super) fn battery_table(
+    lua: &Lua,
+    battery: Battery,
+    age: Duration,
+) -> LuaResult<LuaTable> {
+    let table = lua.create_table_with_capacity(0, 4)?;
+    table.raw_set("percent", battery.percent.map(Percent::get))?;
+    table.raw_set("charging", battery.charging)?;
+    table.raw_set("age", age.as_secs_f64())?;
+    table.raw_set("minutes_left", battery.minutes_left)?;
+    Ok(of_row("Battery", table))
 }
 
 fn info(call: &mut Call<'_>) -> NativeResult {

@@ -8,9 +8,10 @@ use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe};
 use super::super::failure::printable;
-use super::super::frame_state::{HeldFrame, LabelledBlob};
+use super::super::frame_state::LabelledBlob;
 use super::frame::{self, blob_table, mark};
 use super::{Builder, Call, NativeResult, Natives, of_row};
+use crate::robot::Frame;
 use crate::vision::{
     Blob, BlobOptions, Colour, ColourError, Image, MAX_COLOURS, MotionDetector, MotionOptions,
     Track, Tracker, TrackerOptions, learn,
@@ -98,14 +99,14 @@ fn with_tracker<R>(
 }
 
 fn track(call: &mut Call<'_>) -> NativeResult {
-    let held: Rc<HeldFrame> = call.args.get(0)?;
+    let frame: Rc<Frame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
         let blobs = call
             .state
-            .find_blobs(&held, &object.colours.colours, &BlobOptions::default());
+            .find_blobs(&frame, &object.colours.colours, &BlobOptions::default());
         // A damaged frame is skipped: it does not count as a frame in which the blobs are lost.
-        let size = call.state.image(&held).map(Image::size);
-        let at = held.frame.at.saturating_duration_since(call.state.start);
+        let size = call.state.image(&frame).map(Image::size);
+        let at = frame.at.saturating_duration_since(call.state.start);
         let tracks = match size {
             Some(size) => object.tracker.update(at, size, &blobs),
             None => object.tracker.tracks(),
@@ -113,7 +114,7 @@ fn track(call: &mut Call<'_>) -> NativeResult {
         let marks = tracks
             .iter()
             .map(|track| track_mark(track, &object.colours));
-        call.state.record_detections(&held, marks);
+        call.state.record_detections(&frame, marks);
         let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
         for track in tracks {
             list.raw_push(track_table(call.lua, track, &object.colours)?)?;
@@ -174,20 +175,20 @@ fn detector(call: &mut Call<'_>) -> NativeResult {
 /// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while anything
 /// moves the robot, and for a while after.
 fn detect(call: &mut Call<'_>) -> NativeResult {
-    let held: Rc<HeldFrame> = call.args.get(0)?;
+    let frame: Rc<Frame> = call.args.get(0)?;
     let mut object = call.receiver_mut::<DetectorObject>()?;
     if call.state.has_moved_within(SETTLING) {
         object.detector.reset();
         return call.reply((LuaValue::Nil, "moving"));
     }
     let lua = call.lua;
-    let Some(image) = call.state.image(&held) else {
+    let Some(image) = call.state.image(&frame) else {
         let table = motion_table(lua, 0.0, 0, &[])?;
         return call.reply(table);
     };
     let motion = object.detector.update(image);
     let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
-    call.state.record_detections(&held, marks);
+    call.state.record_detections(&frame, marks);
     let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
     call.reply(table)
 }
@@ -208,8 +209,8 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
     let mut images = Vec::new();
-    for held in &frames {
-        images.extend(call.state.image(held).cloned());
+    for frame in &frames {
+        images.extend(call.state.image(frame).cloned());
     }
     let images: Vec<&Image> = images.iter().collect();
     match learn(&images, part) {
@@ -223,14 +224,14 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     }
 }
 
-fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
+fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<Frame>>, Refusal> {
     let wrong = || {
         call.misuse(&format!(
             "the first argument must be a list of 1 to {MAX_LEARN_FRAMES} frames"
         ))
     };
-    if let Some(held) = frame::of_value(call.args.value(0)) {
-        return Ok(vec![held]);
+    if let Some(frame) = frame::of_value(call.args.value(0)) {
+        return Ok(vec![frame]);
     }
     let LuaValue::Table(list) = call.args.value(0) else {
         return Err(wrong());

@@ -132,10 +132,10 @@ async fn a_robot_that_stops_reading_is_a_dead_link_in_time() {
     let sim = sim(Firmware::default()).await;
     let mut session = sim.connect(&admin()).await.unwrap();
     sim.handle.mute(true);
-    let samples = [Command::Audio(vec![0; 60_000].into())];
+    let long = [Command::ConfigSet("x".repeat(60_000).into())];
     let writing = async {
         loop {
-            if let Err(error) = session.writer.write(&samples).await {
+            if let Err(error) = session.writer.write(&long).await {
                 return error;
             }
         }

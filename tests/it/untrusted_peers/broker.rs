@@ -6,6 +6,7 @@ use std::time::Duration;
 use spykee::wire::{Command, Sound};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 
 use super::{DRIVES, drove_on};
@@ -290,25 +291,33 @@ async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the
         ),
         ("an unknown packet type", packet(0xf0, b"")),
     ];
-    for (what, packets) in cases {
-        let mut broker = HostileBroker::begin().await;
-        broker.accept_login().await;
-        broker.send(&packets).await;
-        let connected = broker.obeyed().await;
-        if !connected {
-            // The agent connects again.
-            drop(std::mem::replace(
-                &mut broker.stream,
-                accept(&broker.listener).await,
-            ));
+    for some in cases.chunks(4) {
+        let mut played = JoinSet::new();
+        for (what, packets) in some.iter().cloned() {
+            played.spawn(sends_malformed(what, packets));
         }
-        let text = broker.run.text();
-        assert!(
-            !text.contains('\u{1b}') && !text.contains('\u{202e}'),
-            "{what}: {text}"
-        );
-        broker.end(what).await;
+        played.join_all().await;
     }
+}
+
+async fn sends_malformed(what: &str, packets: Vec<u8>) {
+    let mut broker = HostileBroker::begin().await;
+    broker.accept_login().await;
+    broker.send(&packets).await;
+    let connected = broker.obeyed().await;
+    if !connected {
+        // The agent connects again.
+        drop(std::mem::replace(
+            &mut broker.stream,
+            accept(&broker.listener).await,
+        ));
+    }
+    let text = broker.run.text();
+    assert!(
+        !text.contains('\u{1b}') && !text.contains('\u{202e}'),
+        "{what}: {text}"
+    );
+    broker.end(what).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
