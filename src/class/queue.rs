@@ -9,6 +9,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
 /// The length of a turn in minutes: the usual one, and what the teacher may choose.
 const USUAL_MINUTES: u64 = 3;
@@ -46,6 +47,14 @@ struct Turn {
     start_by: Option<Instant>,
     /// Since when the learner's page is gone.
     gone: Option<Instant>,
+    /// Cancelled when it is over, for what the learner sees of the robot.
+    over: CancellationToken,
+}
+
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.over.cancel();
+    }
 }
 
 #[derive(Debug)]
@@ -57,6 +66,8 @@ struct Robot {
     turn: Option<Turn>,
     /// It was told to stand, and has not confirmed it yet.
     stopping: bool,
+    /// The teacher has stopped it, and its agent has not heard it yet.
+    stop_waits: bool,
 }
 
 #[derive(Debug)]
@@ -99,7 +110,17 @@ pub(super) struct Queue {
 
 impl Robot {
     fn is_ready(&self) -> bool {
-        self.facts.connected && !self.facts.low && !self.facts.stopped && !self.charges
+        let stopped = self.facts.stopped || self.stop_waits;
+        self.facts.connected && !self.facts.low && !stopped && !self.charges
+    }
+
+    /// Ends the turn on it, if there is one. It is told to stand in any case: the log of its agent
+    /// ends with the turn, too.
+    fn end_turn(&mut self) {
+        if self.turn.take().is_some() {
+            self.stopping = false;
+            self.facts.stands = false;
+        }
     }
 
     /// How long the turn on it still takes.
@@ -113,6 +134,8 @@ impl Robot {
     /// A key of the pages' texts.
     fn state(&self) -> &'static str {
         match &self.turn {
+            _ if self.stop_waits && !self.facts.connected => "stop_waits",
+            _ if self.stop_waits => "stop_sending",
             _ if self.facts.stopped && !self.facts.stands => "stop_sending",
             _ if self.facts.stopped => "stopped",
             _ if !self.facts.connected => "disconnected",
@@ -135,6 +158,7 @@ impl Queue {
             charges: false,
             turn: None,
             stopping: false,
+            stop_waits: false,
         });
         Queue {
             length: Duration::from_secs(60 * USUAL_MINUTES),
@@ -175,8 +199,13 @@ impl Queue {
     pub(super) fn withdraw(&mut self, learner: &str) {
         self.waiting.retain(|one| one.learner != learner);
         if let Some(index) = self.robot_of(learner) {
-            self.robots[index].turn = None;
+            self.robots[index].end_turn();
         }
+    }
+
+    /// The robot of this name.
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.robots.iter().position(|robot| robot.name == name)
     }
 
     /// The robot on which it is this learner's turn.
@@ -187,14 +216,29 @@ impl Queue {
 
     /// The number of the turn on a robot.
     pub(super) fn turn(&self, index: usize) -> Option<u64> {
-        let turn = self.robots.get(index)?.turn.as_ref();
-        turn.map(|turn| turn.number)
+        self.robots[index].turn.as_ref().map(|turn| turn.number)
+    }
+
+    /// Cancelled when the turn on a robot is over.
+    pub(super) fn over(&self, index: usize) -> Option<CancellationToken> {
+        let turn = self.robots[index].turn.as_ref();
+        turn.map(|turn| turn.over.clone())
     }
 
     /// How long the turn on a robot still takes.
     pub(super) fn left(&self, index: usize, now: Instant) -> Duration {
-        let robot = self.robots.get(index);
-        robot.map_or(Duration::ZERO, |robot| robot.left(now))
+        self.robots[index].left(now)
+    }
+
+    /// The teacher stops a robot, or lets it go. Returns whether a STOP has waited for its agent.
+    pub(super) fn stop(&mut self, index: usize, on: bool) -> bool {
+        let robot = &mut self.robots[index];
+        std::mem::replace(&mut robot.stop_waits, on && !robot.facts.stopped)
+    }
+
+    /// Whether the teacher's STOP waits for the robot's agent.
+    pub(super) fn stop_waits(&self, index: usize) -> bool {
+        self.robots[index].stop_waits
     }
 
     /// A learner starts a script on the robot, which is told so.
@@ -224,16 +268,20 @@ impl Queue {
 
     /// A robot reports; an earlier order has been carried out.
     pub(super) fn note(&mut self, index: usize, facts: Facts) {
-        let Some(robot) = self.robots.get_mut(index) else {
-            return;
-        };
+        let robot = &mut self.robots[index];
         robot.facts = facts;
         robot.stopping &= !facts.stands;
+        robot.stop_waits &= !facts.stopped;
         if facts.low {
             robot.charges = true;
         } else if facts.percent.is_some_and(|percent| percent >= CHARGED) {
             robot.charges = false;
         }
+    }
+
+    /// The time of turns, which stands while everything does.
+    fn time(&self, now: Instant) -> Instant {
+        self.frozen.unwrap_or(now)
     }
 
     /// Everything stands, and the time of turns with it, or goes on.
@@ -255,6 +303,7 @@ impl Queue {
     /// Ends and begins turns. Returns the robots that are to be told to stand. `here` says whether a
     /// learner's page is open.
     pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) -> Vec<usize> {
+        let now = self.time(now);
         let mut told = Vec::new();
         for index in 0..self.robots.len() {
             self.end_turn(index, now, &here);
@@ -286,7 +335,7 @@ impl Queue {
         let passed = |at: Option<Instant>| at.is_some_and(|at| now >= at);
         let gone = turn.gone.map(|since| since + GONE_LIMIT);
         let over = passed(Some(turn.ends)) || passed(turn.start_by) || passed(gone);
-        if ready && (!over || self.frozen.is_some()) {
+        if ready && !over {
             return;
         }
         let rest = turn.ends.saturating_duration_since(now);
@@ -297,7 +346,7 @@ impl Queue {
                 rest: Some(rest),
             });
         }
-        robot.turn = None;
+        robot.end_turn();
     }
 
     fn begin_turn(&mut self, index: usize, now: Instant, here: impl Fn(&str) -> bool) {
@@ -318,6 +367,7 @@ impl Queue {
             ends: now + rest.unwrap_or(self.length),
             start_by: Some(now + START_LIMIT),
             gone: None,
+            over: CancellationToken::new(),
         });
     }
 
@@ -347,6 +397,7 @@ impl Queue {
         if self.robots.is_empty() {
             return Value::Null;
         }
+        let now = self.time(now);
         let mut order = self.order().into_iter();
         let place = order.position(|one| one.learner == learner);
         let wait = place.and_then(|place| self.wait(place, now));
@@ -368,11 +419,13 @@ impl Queue {
 
     /// What the wall shows.
     pub(super) fn wall(&self, now: Instant) -> Value {
+        let now = self.time(now);
         let robot = |robot: &Robot| {
             let turn = robot.turn.as_ref();
             json!({
                 "name": robot.name, "state": robot.state(), "percent": robot.facts.percent,
-                "charging": robot.facts.charging, "stopped": robot.facts.stopped,
+                "charging": robot.facts.charging,
+                "stopped": robot.facts.stopped || robot.stop_waits,
                 "driver": turn.map(|turn| &turn.learner),
                 "left": turn.map(|turn| seconds(turn.ends, now)),
             })
@@ -408,6 +461,13 @@ mod tests {
     /// How many lessons are played with each luck.
     const LESSONS: u64 = 100;
     const MINUTE: Duration = Duration::from_secs(60);
+
+    /// As it is while its agent does not run.
+    const GONE: Facts = Facts {
+        connected: false,
+        percent: None,
+        ..READY
+    };
 
     fn everybody(_: &str) -> bool {
         true
@@ -449,6 +509,8 @@ mod tests {
         assert_eq!(driver(&queue, 0), Some("Bo"));
         queue.withdraw("Bo");
         queue.ask("Ada", end).unwrap();
+        assert_eq!(queue.poll(end, everybody), [0], "the log ends, too");
+        queue.note(0, READY);
         queue.poll(end, everybody);
         assert_eq!(
             driver(&queue, 0),
@@ -548,9 +610,48 @@ mod tests {
         assert_eq!(queue.start("Ada"), Err(TurnError::Frozen));
         let later = now + 10 * MINUTE;
         assert!(queue.poll(later, everybody).is_empty());
+        assert_eq!(queue.seen_by("Ada", later)["turn"]["left"], 180);
         queue.freeze(false, later);
         queue.poll(later + 2 * MINUTE, everybody);
         assert_eq!(queue.start("Ada"), Ok(0));
+        // A robot that is lost meanwhile gives back what was left when it was told to stand.
+        let end = later + 2 * MINUTE;
+        queue.freeze(true, end);
+        queue.note(0, GONE);
+        queue.poll(end + MINUTE, everybody);
+        queue.freeze(false, end + MINUTE);
+        queue.note(0, READY);
+        queue.poll(end + MINUTE, everybody);
+        assert_eq!(queue.seen_by("Ada", end + MINUTE)["turn"]["left"], 60);
+    }
+
+    #[test]
+    fn the_teachers_stop_waits_for_the_agent() {
+        let now = Instant::now();
+        let mut queue = queue(1);
+        queue.ask("Ada", now).unwrap();
+        queue.poll(now, everybody);
+        let over = queue.over(0).unwrap();
+        queue.note(0, GONE);
+        assert!(!queue.stop(0, true));
+        for (facts, state) in [(GONE, "stop_waits"), (READY, "stop_sending")] {
+            queue.note(0, facts);
+            queue.poll(now, everybody);
+            assert_eq!(driver(&queue, 0), None);
+            assert_eq!(queue.wall(now)["robots"][0]["state"], state);
+        }
+        assert!(over.is_cancelled());
+        let stopped = Facts {
+            stopped: true,
+            ..READY
+        };
+        queue.note(0, stopped);
+        assert!(!queue.stop(0, true), "it holds already");
+        assert_eq!(queue.wall(now)["robots"][0]["state"], "stopped");
+        assert!(!queue.stop_waits(0));
+        queue.note(0, READY);
+        queue.poll(now, everybody);
+        assert_eq!(driver(&queue, 0), Some("Ada"));
     }
 
     #[test]

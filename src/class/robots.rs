@@ -33,9 +33,6 @@ struct RealRobot {
     ordered: u64,
     /// Why the script of this turn failed.
     error: Option<String>,
-    turn: Option<u64>,
-    /// Closes what the driver sees of it at the end of the turn.
-    turn_over: CancellationToken,
 }
 
 impl Robots {
@@ -47,13 +44,15 @@ impl Robots {
             started: None,
             ordered: 0,
             error: None,
-            turn: None,
-            turn_over: CancellationToken::new(),
         };
         Robots {
             queue,
             robots: setups.into_iter().map(robot).collect(),
         }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.robots.is_empty()
     }
 
     /// Starts the agents that do not run.
@@ -77,9 +76,7 @@ impl Robots {
 
     /// Notes what an agent reports; `None`: it has ended, and its guardian stops the robot.
     pub(super) fn hear(&mut self, index: usize, news: Option<RobotNews>) {
-        let Some(robot) = self.robots.get_mut(index) else {
-            return;
-        };
+        let robot = &mut self.robots[index];
         let gone = Facts {
             stands: true,
             ..Facts::default()
@@ -102,22 +99,11 @@ impl Robots {
         self.queue.note(index, facts);
     }
 
-    /// Ends and begins turns, and tells robots to stand; returns whether turns have changed.
-    pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) -> bool {
+    /// Ends and begins turns, and tells robots to stand.
+    pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) {
         for index in self.queue.poll(now, here) {
             self.order(index, None);
         }
-        let mut changed = false;
-        for (index, robot) in self.robots.iter_mut().enumerate() {
-            let turn = self.queue.turn(index);
-            if robot.turn != turn {
-                robot.turn = turn;
-                robot.error = None;
-                std::mem::take(&mut robot.turn_over).cancel();
-                changed = true;
-            }
-        }
-        changed
     }
 
     /// Starts a learner's script on the robot whose turn it is; one that runs is ended first.
@@ -128,8 +114,12 @@ impl Robots {
         now: Instant,
     ) -> Result<(), TurnError> {
         let index = self.queue.start(learner)?;
-        let lasts = self.queue.left(index, now);
-        self.order(index, Some(Start { plan, lasts }));
+        let start = Start {
+            driver: learner.to_owned(),
+            plan,
+            lasts: self.queue.left(index, now),
+        };
+        self.order(index, Some(start));
         Ok(())
     }
 
@@ -145,6 +135,7 @@ impl Robots {
         robot.ordered += 1;
         let order = Order {
             number: robot.ordered,
+            turn: self.queue.turn(index),
             start,
         };
         let Some(child) = &mut robot.child else {
@@ -157,17 +148,21 @@ impl Robots {
         }
     }
 
-    /// Where viewers reach the robot of this name.
-    pub(super) fn socket(&self, name: &str) -> Option<PathBuf> {
-        let robot = self.robots.iter().find(|robot| robot.setup.name == name)?;
-        Some(robot.child.as_ref()?.socket())
+    /// Where viewers reach a robot.
+    pub(super) fn socket(&self, index: usize) -> Option<PathBuf> {
+        Some(self.robots[index].child.as_ref()?.socket())
+    }
+
+    /// The robots whose agents have not heard the teacher's STOP yet.
+    pub(super) fn to_stop(&self) -> impl Iterator<Item = PathBuf> {
+        let waits = (0..self.robots.len()).filter(|index| self.queue.stop_waits(*index));
+        waits.filter_map(|index| self.socket(index))
     }
 
     /// Where a learner reaches the robot whose turn it is, and the end of the turn.
     pub(super) fn of_driver(&self, learner: &str) -> Option<(PathBuf, CancellationToken)> {
-        let robot = &self.robots[self.queue.robot_of(learner)?];
-        let socket = robot.child.as_ref()?.socket();
-        Some((socket, robot.turn_over.clone()))
+        let index = self.queue.robot_of(learner)?;
+        Some((self.socket(index)?, self.queue.over(index)?))
     }
 
     /// What a learner's page shows.
