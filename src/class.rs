@@ -283,8 +283,7 @@ impl State {
     /// Refuses what a learner may not do now; counts it otherwise.
     fn allow(&mut self, name: &str, now: Instant) -> Result<(), Refusal> {
         if self.frozen && name != TEACHER {
-            let why = "the teacher has stopped everything for a moment";
-            return Err(Refusal::new(StatusCode::CONFLICT, why));
+            return Err(TurnError::Frozen.into());
         }
         self.limit(name.to_owned(), ACTS, ACTS_RATE, now)?;
         let member = self.member(name).ok_or_else(unknown_name)?;
@@ -358,28 +357,35 @@ impl State {
 struct RunOrder {
     lesson: String,
     world: Option<String>,
-    #[serde(default = "real_speed")]
-    speed: f64,
+    speed: Option<f64>,
     /// Whether blocks have made the script.
     #[serde(default)]
     blocks: bool,
+    /// Whether the robot only stands in a new world.
+    #[serde(default)]
+    stands: bool,
 }
 
-fn real_speed() -> f64 {
-    1.0
+impl From<TurnError> for Refusal {
+    fn from(error: TurnError) -> Refusal {
+        let status = match error {
+            TurnError::Minutes => StatusCode::UNPROCESSABLE_ENTITY,
+            _ => StatusCode::CONFLICT,
+        };
+        Refusal::new(status, error.to_string())
+    }
 }
 
-fn conflict(error: TurnError) -> Refusal {
-    Refusal::new(StatusCode::CONFLICT, error.to_string())
+fn not_found(why: &str) -> Refusal {
+    Refusal::new(StatusCode::NOT_FOUND, why)
 }
 
 fn unknown_name() -> Refusal {
-    Refusal::new(StatusCode::NOT_FOUND, "there is no learner of this name")
+    not_found("there is no learner of this name")
 }
 
 fn no_robot() -> Refusal {
-    let why = "this robot is not there: its agent does not run";
-    Refusal::new(StatusCode::NOT_FOUND, why)
+    not_found("this robot is not there: its agent does not run")
 }
 
 fn internal(error: impl std::fmt::Display) -> Refusal {
@@ -419,10 +425,7 @@ impl Class {
         if name == FREE || self.lesson(name).is_some() {
             return Ok(name.to_owned());
         }
-        Err(Refusal::new(
-            StatusCode::NOT_FOUND,
-            "there is no such lesson",
-        ))
+        Err(not_found("there is no such lesson"))
     }
 
     /// Runs work that blocks on the disk or another process.
@@ -435,14 +438,9 @@ impl Class {
         done.map_err(internal)?.map_err(internal)
     }
 
-    /// Starts a learner's run; without `script` the robot stands in a new world.
-    async fn start(
-        self: &Arc<Class>,
-        name: &str,
-        order: RunOrder,
-        script: bool,
-    ) -> Result<(), Refusal> {
-        let plan = self.plan(name, order, script).await?;
+    /// Starts a learner's run.
+    async fn start(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<(), Refusal> {
+        let plan = self.plan(name, order).await?;
         self.launch(name, plan)
     }
 
@@ -450,30 +448,25 @@ impl Class {
     async fn start_turn(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<(), Refusal> {
         // Before the script is read, and again afterwards.
         let driver = self.state.lock().robots.queue.robot_of(name);
-        driver.ok_or(TurnError::NoTurn).map_err(conflict)?;
-        let plan = self.plan(name, order, true).await?;
-        let started = self.change().robots.start(name, plan, Instant::now());
-        started.map_err(conflict)
+        driver.ok_or(TurnError::NoTurn)?;
+        let plan = self.plan(name, order).await?;
+        Ok(self.change().robots.start(name, plan, Instant::now())?)
     }
 
     /// What a learner wants to run, if that is allowed now.
-    async fn plan(
-        self: &Arc<Class>,
-        name: &str,
-        order: RunOrder,
-        script: bool,
-    ) -> Result<RunPlan, Refusal> {
+    async fn plan(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<RunPlan, Refusal> {
         let place = self.place(&order.lesson)?;
         let lesson = self.lesson(&place);
         let world = order.world.or(lesson.map(|lesson| lesson.world.to_owned()));
         let world = world.unwrap_or_else(|| "yard".to_owned());
         if World::builtin_yaml(&world).is_none() {
-            let why = "there is no such world";
-            return Err(Refusal::new(StatusCode::NOT_FOUND, why));
+            return Err(not_found("there is no such world"));
         }
         let starter = lesson.map_or("", |lesson| lesson.starter).to_owned();
         self.change().allow_place(name, &place, Instant::now())?;
-        let source = if script {
+        let source = if order.stands {
+            None
+        } else {
             let file = format!("{place}.lua");
             let learner = name.to_owned();
             let kept = self.block(move |class| class.files.keep(&learner, &file));
@@ -483,8 +476,6 @@ impl Class {
             } else {
                 source
             })
-        } else {
-            None
         };
         Ok(RunPlan {
             name: place,
@@ -492,7 +483,7 @@ impl Class {
             folder: self.files.of(name),
             data: self.files.data_of(name),
             world,
-            speed: order.speed,
+            speed: order.speed.unwrap_or(1.0),
             seed: rand::random(),
         })
     }
@@ -594,7 +585,7 @@ impl Class {
         let mut state = self.change();
         if wanted {
             state.allow(name, now)?;
-            state.robots.queue.ask(name, now).map_err(conflict)?;
+            state.robots.queue.ask(name, now)?;
         } else {
             state.robots.queue.withdraw(name);
         }
@@ -680,8 +671,7 @@ impl Class {
     /// Checks a learner's script, and notes points and sentence.
     async fn check(self: &Arc<Class>, name: &str, place: &str) -> Result<Value, Refusal> {
         let lesson = self.lesson(place).map(|lesson| lesson.name);
-        let none = || Refusal::new(StatusCode::NOT_FOUND, "only a lesson can be checked");
-        let lesson = lesson.ok_or_else(none)?;
+        let lesson = lesson.ok_or_else(|| not_found("only a lesson can be checked"))?;
         {
             let mut state = self.change();
             state.allow(name, Instant::now())?;

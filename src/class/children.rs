@@ -47,7 +47,7 @@ const MAX_NEWS: usize = 64 << 10;
 /// Maximum number of lines that a run has not read.
 const MAX_ORDERS: usize = 8;
 /// The log of a robot's agent, in its folder.
-const LOG: &str = "log.txt";
+pub(super) const LOG: &str = "log.txt";
 /// How long a run may take to answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// The headers of a WebSocket's request and of its answer.

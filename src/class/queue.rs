@@ -38,17 +38,17 @@ pub(super) struct Facts {
 }
 
 #[derive(Debug)]
-struct Turn {
+pub(super) struct Turn {
     learner: String,
-    /// Tells the turns apart, for pages.
-    number: u64,
+    /// Tells the turns apart.
+    pub(super) number: u64,
     ends: Instant,
     /// When it is lost, as long as no script was started.
     start_by: Option<Instant>,
     /// Since when the learner's page is gone.
     gone: Option<Instant>,
     /// Cancelled when it is over, for what the learner sees of the robot.
-    over: CancellationToken,
+    pub(super) over: CancellationToken,
 }
 
 impl Drop for Turn {
@@ -58,16 +58,16 @@ impl Drop for Turn {
 }
 
 #[derive(Debug)]
-struct Robot {
+pub(super) struct Robot {
     name: String,
     facts: Facts,
     /// The battery was low, and is not charged yet.
     charges: bool,
-    turn: Option<Turn>,
+    pub(super) turn: Option<Turn>,
     /// It was told to stand, and has not confirmed it yet.
     stopping: bool,
     /// The teacher has stopped it, and its agent has not heard it yet.
-    stop_waits: bool,
+    pub(super) stop_waits: bool,
 }
 
 #[derive(Debug)]
@@ -98,7 +98,7 @@ pub(super) enum TurnError {
 #[derive(Debug)]
 pub(super) struct Queue {
     length: Duration,
-    robots: Vec<Robot>,
+    pub(super) robots: Vec<Robot>,
     waiting: Vec<Waiting>,
     /// How many turns each learner has had.
     had: HashMap<String, u32>,
@@ -124,7 +124,7 @@ impl Robot {
     }
 
     /// How long the turn on it still takes.
-    fn left(&self, now: Instant) -> Duration {
+    pub(super) fn left(&self, now: Instant) -> Duration {
         let turn = self.turn.as_ref();
         turn.map_or(Duration::ZERO, |turn| {
             turn.ends.saturating_duration_since(now)
@@ -214,31 +214,10 @@ impl Queue {
         self.robots.iter().position(has)
     }
 
-    /// The number of the turn on a robot.
-    pub(super) fn turn(&self, index: usize) -> Option<u64> {
-        self.robots[index].turn.as_ref().map(|turn| turn.number)
-    }
-
-    /// Cancelled when the turn on a robot is over.
-    pub(super) fn over(&self, index: usize) -> Option<CancellationToken> {
-        let turn = self.robots[index].turn.as_ref();
-        turn.map(|turn| turn.over.clone())
-    }
-
-    /// How long the turn on a robot still takes.
-    pub(super) fn left(&self, index: usize, now: Instant) -> Duration {
-        self.robots[index].left(now)
-    }
-
     /// The teacher stops a robot, or lets it go. Returns whether a STOP has waited for its agent.
     pub(super) fn stop(&mut self, index: usize, on: bool) -> bool {
         let robot = &mut self.robots[index];
         std::mem::replace(&mut robot.stop_waits, on && !robot.facts.stopped)
-    }
-
-    /// Whether the teacher's STOP waits for the robot's agent.
-    pub(super) fn stop_waits(&self, index: usize) -> bool {
-        self.robots[index].stop_waits
     }
 
     /// A learner starts a script on the robot, which is told so.
@@ -479,6 +458,10 @@ mod tests {
         queue
     }
 
+    fn turn(queue: &Queue, index: usize) -> Option<u64> {
+        queue.robots[index].turn.as_ref().map(|turn| turn.number)
+    }
+
     fn driver(queue: &Queue, index: usize) -> Option<&str> {
         let turn = queue.robots[index].turn.as_ref();
         turn.map(|turn| &*turn.learner)
@@ -631,7 +614,7 @@ mod tests {
         let mut queue = queue(1);
         queue.ask("Ada", now).unwrap();
         queue.poll(now, everybody);
-        let over = queue.over(0).unwrap();
+        let over = queue.robots[0].turn.as_ref().unwrap().over.clone();
         queue.note(0, GONE);
         assert!(!queue.stop(0, true));
         for (facts, state) in [(GONE, "stop_waits"), (READY, "stop_sending")] {
@@ -648,7 +631,7 @@ mod tests {
         queue.note(0, stopped);
         assert!(!queue.stop(0, true), "it holds already");
         assert_eq!(queue.wall(now)["robots"][0]["state"], "stopped");
-        assert!(!queue.stop_waits(0));
+        assert!(!queue.robots[0].stop_waits);
         queue.note(0, READY);
         queue.poll(now, everybody);
         assert_eq!(driver(&queue, 0), Some("Ada"));
@@ -728,7 +711,7 @@ mod tests {
                 let now = began + Duration::from_secs(second);
                 self.learners_act(now);
                 self.robots_act();
-                let before = [0, 1].map(|index| self.queue.turn(index));
+                let before = [0, 1].map(|index| turn(&self.queue, index));
                 let away = self.away.clone();
                 let told = self.queue.poll(now, |learner| !away.contains_key(learner));
                 for index in told {
@@ -736,7 +719,7 @@ mod tests {
                     self.robots[index].standing.get_or_insert(wait);
                 }
                 for (index, turn) in before.into_iter().enumerate() {
-                    if self.queue.turn(index) != turn {
+                    if self::turn(&self.queue, index) != turn {
                         self.begun(index, now);
                     }
                 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::children::{Child, RobotSetup};
+use super::children::{Child, LOG, RobotSetup};
 use super::learner::RunPlan;
 use super::queue::{Facts, Queue, TurnError};
 use super::robot::{Order, RobotNews, Start};
@@ -83,7 +83,13 @@ impl Robots {
         };
         let facts = match news {
             None => {
-                tracing::warn!("robot {}: its agent has ended", robot.setup.name);
+                let setup = &robot.setup;
+                let log = setup.data.join(LOG);
+                let log = log.display();
+                tracing::warn!(
+                    "robot {}: its agent has ended; its log is {log}",
+                    setup.name
+                );
                 robot.child = None;
                 gone
             }
@@ -117,7 +123,7 @@ impl Robots {
         let start = Start {
             driver: learner.to_owned(),
             plan,
-            lasts: self.queue.left(index, now),
+            lasts: self.queue.robots[index].left(now),
         };
         self.order(index, Some(start));
         Ok(())
@@ -133,9 +139,10 @@ impl Robots {
     fn order(&mut self, index: usize, start: Option<Start>) {
         let robot = &mut self.robots[index];
         robot.ordered += 1;
+        let turn = self.queue.robots[index].turn.as_ref();
         let order = Order {
             number: robot.ordered,
-            turn: self.queue.turn(index),
+            turn: turn.map(|turn| turn.number),
             start,
         };
         let Some(child) = &mut robot.child else {
@@ -155,14 +162,16 @@ impl Robots {
 
     /// The robots whose agents have not heard the teacher's STOP yet.
     pub(super) fn to_stop(&self) -> impl Iterator<Item = PathBuf> {
-        let waits = (0..self.robots.len()).filter(|index| self.queue.stop_waits(*index));
-        waits.filter_map(|index| self.socket(index))
+        let waits = |index: &usize| self.queue.robots[*index].stop_waits;
+        let waiting = (0..self.robots.len()).filter(waits);
+        waiting.filter_map(|index| self.socket(index))
     }
 
     /// Where a learner reaches the robot whose turn it is, and the end of the turn.
     pub(super) fn of_driver(&self, learner: &str) -> Option<(PathBuf, CancellationToken)> {
         let index = self.queue.robot_of(learner)?;
-        Some((self.socket(index)?, self.queue.over(index)?))
+        let turn = self.queue.robots[index].turn.as_ref()?;
+        Some((self.socket(index)?, turn.over.clone()))
     }
 
     /// What a learner's page shows.

@@ -30,7 +30,7 @@ use super::files::{MAX_TEXT, Text, Written};
 use super::members::{Device, TEACHER};
 use super::queue::TurnError;
 use super::{
-    Caller, Class, MARKS, MARKS_RATE, POINTS, RunOrder, conflict, internal, no_robot, unknown_name,
+    Caller, Class, MARKS, MARKS_RATE, POINTS, RunOrder, internal, no_robot, not_found, unknown_name,
 };
 use crate::clock::every;
 use crate::http::{self, Access, Refusal, Role, Visitor};
@@ -124,7 +124,6 @@ fn workspace() -> Router<Arc<Class>> {
     Router::new()
         .route("/script", get(script).put(write_script))
         .route("/run", post(run))
-        .route("/reset", post(reset))
         .route("/stop", post(stop))
         .route("/check", post(check))
         .route("/live", get(live))
@@ -409,21 +408,8 @@ async fn write_script(
     })
 }
 
-async fn run(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
-    start(state, target, order, true).await
-}
-
-async fn reset(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
-    start(state, target, order, false).await
-}
-
-async fn start(
-    State(class): Shared,
-    target: Target,
-    Json(order): Json<RunOrder>,
-    script: bool,
-) -> Reply {
-    class.start(&target.name, order, script).await
+async fn run(State(class): Shared, target: Target, Json(order): Json<RunOrder>) -> Reply {
+    class.start(&target.name, order).await
 }
 
 async fn stop(State(class): Shared, target: Target) -> Reply {
@@ -469,15 +455,14 @@ async fn turn_run(State(class): Shared, target: Target, Json(order): Json<RunOrd
 }
 
 async fn turn_stop(State(class): Shared, target: Target) -> Reply {
-    let halted = class.change().robots.halt(&target.name);
-    halted.map_err(conflict)
+    Ok(class.change().robots.halt(&target.name)?)
 }
 
 /// What the driver of a real robot sees, until the turn is over: a viewer cannot drive by hand nor
 /// release STOP.
 async fn turn_live(State(class): Shared, target: Target, request: Request) -> Reply<Response> {
     let driver = class.state.lock().robots.of_driver(&target.name);
-    let (socket, turn_over) = driver.ok_or_else(|| conflict(TurnError::NoTurn))?;
+    let (socket, turn_over) = driver.ok_or(TurnError::NoTurn)?;
     Ok(pass_on(&socket, true, turn_over, request).await)
 }
 
@@ -488,8 +473,7 @@ struct Minutes {
 }
 
 async fn minutes(State(class): Shared, Json(new): Json<Minutes>) -> Reply {
-    let set = class.change().robots.queue.set_minutes(new.minutes);
-    set.map_err(|error| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))
+    Ok(class.change().robots.queue.set_minutes(new.minutes)?)
 }
 
 async fn stop_robot(
@@ -584,8 +568,7 @@ struct Decision {
 
 async fn admit(State(class): Shared, Json(decision): Json<Decision>) -> Reply {
     if !class.change().members.decide(decision.id, decision.admit) {
-        let why = "this device does not wait any more";
-        return Err(Refusal::new(StatusCode::NOT_FOUND, why));
+        return Err(not_found("this device does not wait any more"));
     }
     class.save().await
 }

@@ -94,7 +94,7 @@ async function workspace(first) {
   const turn = turns((what, body) => post(what, body, note), () => show(state));
   const run = button("run", () => act(turn.real ? "turn/run" : "run", order()), { class: "primary" });
   const stop = button("stop_script", () => act(turn.real ? "turn/stop" : "stop"), { title: t("stop_script_help") });
-  const reset = button("reset", () => act("reset", order()));
+  const reset = button("reset", () => act("run", { ...order(), stands: true }));
   const check = button("check", () => act("check", { lesson: own.place }));
   const toBlocks = button("blocks", () => openBlocks(null));
   const toText = button("to_text", closeBlocks, { hidden: true });
@@ -183,7 +183,7 @@ async function workspace(first) {
       h("div", { class: "row" }, own.status, toBlocks, toText), failure, result, view.output),
     view.element);
   const acts = h("div", { class: "row acts" }, run, stop, reset, check, speedField);
-  const shownName = h("h2", {}, t("shown"));
+  const shownName = h("h2", { role: "status" });
   const shownCode = h("div", { class: "work shown", hidden: true });
   const main = h("main", {}, turn.element, shownCode, columns);
   let screen = null;
@@ -196,6 +196,7 @@ async function workspace(first) {
       shownCode.append(h("section", { class: "card code-card" }, shownName, screen.code.element, screen.view.output), screen.view.element);
     }
     shownCode.hidden = !on;
+    say(shownName, now.frozen ? `${t("shown")} · ${t("frozen")}` : t("shown"));
     columns.hidden = acts.hidden = run.disabled = on;
     turn.element.hidden = on || !now.turns;
     if (screen && on && now.teacher_place) {
@@ -248,9 +249,10 @@ async function workspace(first) {
       note(t("lesson_for_all"));
     }
     given = now.lesson;
-    if (now.frozen && !now.teacher && !frozen.open) {
+    const stands = now.frozen && !now.teacher && !now.shown;
+    if (stands && !frozen.open) {
       frozen.showModal();
-    } else if (!now.frozen && frozen.open) {
+    } else if (!stands && frozen.open) {
       frozen.close();
     }
     showScreen(now);
