@@ -156,7 +156,11 @@ impl OpenClass {
         let members = members_of(&files, &word, &setup.names).map_err(unusable.clone())?;
         let launcher = Launcher::new(&own.join("runs")).map_err(unusable)?;
         let class = Arc::new(Class {
-            state: Mutex::new(State::new(members, Robots::new(setup.robots))),
+            state: Mutex::new(State {
+                members,
+                robots: Robots::new(setup.robots),
+                ..State::default()
+            }),
             files,
             tools: setup.tools,
             launcher,
@@ -218,6 +222,7 @@ enum Caller {
     Nobody,
 }
 
+#[derive(Default)]
 struct State {
     members: Members,
     /// The teacher's own workspace.
@@ -247,22 +252,6 @@ struct Run {
 }
 
 impl State {
-    fn new(members: Members, robots: Robots) -> State {
-        State {
-            members,
-            teacher: Member::default(),
-            runs: HashMap::new(),
-            acts: HashMap::new(),
-            robots,
-            started: 0,
-            frozen: false,
-            shown: false,
-            screen: CancellationToken::new(),
-            locked: false,
-            lesson: None,
-        }
-    }
-
     /// Whose workspace is a caller's own.
     fn device(&self, caller: &Caller) -> Device {
         match caller {

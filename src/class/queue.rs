@@ -57,7 +57,7 @@ impl Drop for Turn {
     }
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Robot {
     name: String,
     facts: Facts,
@@ -95,7 +95,7 @@ pub(super) enum TurnError {
     Minutes,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Queue {
     length: Duration,
     pub(super) robots: Vec<Robot>,
@@ -154,19 +154,12 @@ impl Queue {
     pub(super) fn new(robots: impl IntoIterator<Item = String>) -> Queue {
         let robots = robots.into_iter().map(|name| Robot {
             name,
-            facts: Facts::default(),
-            charges: false,
-            turn: None,
-            stopping: false,
-            stop_waits: false,
+            ..Robot::default()
         });
         Queue {
             length: Duration::from_secs(60 * USUAL_MINUTES),
             robots: robots.collect(),
-            waiting: Vec::new(),
-            had: HashMap::new(),
-            frozen: None,
-            turns: 0,
+            ..Queue::default()
         }
     }
 

@@ -17,7 +17,7 @@ use super::robot::{Order, RobotNews, Start};
 /// The pause before an agent that has ended is started again.
 const AGAIN: Duration = Duration::from_secs(5);
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Robots {
     pub(super) queue: Queue,
     robots: Vec<RealRobot>,

@@ -525,24 +525,26 @@ async fn marks(
 
 /// The table of the API for the editor.
 async fn completions() -> Json<Value> {
+    let entry = |name: &str, kind: &str, signature: &str, doc: &str| json!({ "name": name, "kind": kind, "signature": signature, "doc": doc });
     let function = |one: &api::Function| {
         let kind = if one.is_method() {
             "method"
         } else {
             "function"
         };
-        json!({ "name": one.path, "kind": kind, "signature": one.signature(), "doc": one.doc })
+        entry(one.path, kind, &one.signature(), one.doc)
     };
     let of_modules = api::modules().flat_map(|module| module.functions);
     let functions = api::functions().chain(api::methods()).chain(of_modules);
-    let mut all: Vec<Value> = functions.map(function).collect();
-    all.extend(api::constants().map(
-        |one| json!({ "name": one.path, "kind": "constant", "signature": one.path, "doc": one.doc }),
-    ));
-    all.extend(api::events().map(
-        |one| json!({ "name": one.name, "kind": "event", "signature": one.name, "doc": one.doc }),
-    ));
-    Json(all.into())
+    let constants = api::constants().map(|one| entry(one.path, "constant", one.path, one.doc));
+    let events = api::events().map(|one| entry(one.name, "event", one.name, one.doc));
+    Json(
+        functions
+            .map(function)
+            .chain(constants)
+            .chain(events)
+            .collect(),
+    )
 }
 
 async fn lessons(State(class): Shared, _: Target) -> Json<Value> {
