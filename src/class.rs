@@ -27,13 +27,14 @@ use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 
 pub use self::children::RobotSetup;
 use self::children::{Child, Launcher, ask, no_run};
 use self::files::Files;
 pub use self::learner::{LEARNER, learner_main};
-use self::learner::{RunNews, RunPlan};
+use self::learner::{RunNews, RunPlan, traced};
 use self::members::{Device, Member, Members, RunState, TEACHER, class_word};
 use self::queue::TurnError;
 pub use self::robot::RobotAgent;
@@ -155,7 +156,11 @@ impl OpenClass {
         let members = members_of(&files, &word, &setup.names).map_err(unusable.clone())?;
         let launcher = Launcher::new(&own.join("runs")).map_err(unusable)?;
         let class = Arc::new(Class {
-            state: Mutex::new(State::new(members, Robots::new(setup.robots))),
+            state: Mutex::new(State {
+                members,
+                robots: Robots::new(setup.robots),
+                ..State::default()
+            }),
             files,
             tools: setup.tools,
             launcher,
@@ -217,6 +222,7 @@ enum Caller {
     Nobody,
 }
 
+#[derive(Default)]
 struct State {
     members: Members,
     /// The teacher's own workspace.
@@ -230,6 +236,8 @@ struct State {
     frozen: bool,
     /// Whether all see the teacher's workspace.
     shown: bool,
+    /// Closes what they see of its run.
+    screen: CancellationToken,
     /// Whether scripts run in lessons only.
     locked: bool,
     /// The lesson for all.
@@ -244,18 +252,12 @@ struct Run {
 }
 
 impl State {
-    fn new(members: Members, robots: Robots) -> State {
-        State {
-            members,
-            teacher: Member::default(),
-            runs: HashMap::new(),
-            acts: HashMap::new(),
-            robots,
-            started: 0,
-            frozen: false,
-            shown: false,
-            locked: false,
-            lesson: None,
+    /// Whose workspace is a caller's own.
+    fn device(&self, caller: &Caller) -> Device {
+        match caller {
+            Caller::Teacher => Device::Admitted(TEACHER.to_owned()),
+            Caller::Device(cookie) => self.members.device(cookie),
+            Caller::Nobody => Device::Unknown,
         }
     }
 
@@ -270,8 +272,7 @@ impl State {
     /// Refuses what a learner may not do now; counts it otherwise.
     fn allow(&mut self, name: &str, now: Instant) -> Result<(), Refusal> {
         if self.frozen && name != TEACHER {
-            let why = "the teacher has stopped everything for a moment";
-            return Err(Refusal::new(StatusCode::CONFLICT, why));
+            return Err(TurnError::Frozen.into());
         }
         self.limit(name.to_owned(), ACTS, ACTS_RATE, now)?;
         let member = self.member(name).ok_or_else(unknown_name)?;
@@ -299,8 +300,32 @@ impl State {
         Ok(())
     }
 
-    /// Ends and begins turns on the real robots; returns whether any has changed.
-    fn take_turns(&mut self, now: Instant) -> bool {
+    /// Everything stands, or goes on. A run that does not listen is ended.
+    fn freeze(&mut self, on: bool) {
+        self.frozen = on;
+        let mut deaf = Vec::new();
+        for (name, run) in &self.runs {
+            if let Err(error) = run.child.hold(on) {
+                tracing::warn!("{name}: the run cannot be told to stand, and is ended: {error}");
+                deaf.push(name.clone());
+            }
+        }
+        for name in deaf {
+            self.end_run(&name);
+        }
+        let now = Instant::now();
+        self.robots.queue.freeze(on, now);
+        self.take_turns(now);
+    }
+
+    /// Shows the teacher's workspace to all, or no longer.
+    fn show(&mut self, on: bool) {
+        self.shown = on;
+        std::mem::take(&mut self.screen).cancel();
+    }
+
+    /// Ends and begins turns on the real robots.
+    fn take_turns(&mut self, now: Instant) {
         let learners = &self.members.learners;
         let teacher = &self.teacher;
         let here = |name: &str| {
@@ -311,7 +336,7 @@ impl State {
             };
             member.is_some_and(|member| member.pages > 0)
         };
-        self.robots.poll(now, here)
+        self.robots.poll(now, here);
     }
 }
 
@@ -321,25 +346,35 @@ impl State {
 struct RunOrder {
     lesson: String,
     world: Option<String>,
-    #[serde(default = "real_speed")]
-    speed: f64,
+    speed: Option<f64>,
+    /// Whether blocks have made the script.
+    #[serde(default)]
+    blocks: bool,
+    /// Whether the robot only stands in a new world.
+    #[serde(default)]
+    stands: bool,
 }
 
-fn real_speed() -> f64 {
-    1.0
+impl From<TurnError> for Refusal {
+    fn from(error: TurnError) -> Refusal {
+        let status = match error {
+            TurnError::Minutes => StatusCode::UNPROCESSABLE_ENTITY,
+            _ => StatusCode::CONFLICT,
+        };
+        Refusal::new(status, error.to_string())
+    }
 }
 
-fn conflict(error: TurnError) -> Refusal {
-    Refusal::new(StatusCode::CONFLICT, error.to_string())
+fn not_found(why: &str) -> Refusal {
+    Refusal::new(StatusCode::NOT_FOUND, why)
 }
 
 fn unknown_name() -> Refusal {
-    Refusal::new(StatusCode::NOT_FOUND, "there is no learner of this name")
+    not_found("there is no learner of this name")
 }
 
 fn no_robot() -> Refusal {
-    let why = "this robot is not there: its agent does not run";
-    Refusal::new(StatusCode::NOT_FOUND, why)
+    not_found("this robot is not there: its agent does not run")
 }
 
 fn internal(error: impl std::fmt::Display) -> Refusal {
@@ -379,30 +414,22 @@ impl Class {
         if name == FREE || self.lesson(name).is_some() {
             return Ok(name.to_owned());
         }
-        Err(Refusal::new(
-            StatusCode::NOT_FOUND,
-            "there is no such lesson",
-        ))
+        Err(not_found("there is no such lesson"))
     }
 
     /// Runs work that blocks on the disk or another process.
-    async fn block<T: Send + 'static>(
+    async fn block<T: Send + 'static, E: std::fmt::Display + Send + 'static>(
         self: &Arc<Class>,
-        work: impl FnOnce(&Class) -> T + Send + 'static,
+        work: impl FnOnce(&Class) -> Result<T, E> + Send + 'static,
     ) -> Result<T, Refusal> {
         let class = self.clone();
         let done = tokio::task::spawn_blocking(move || work(&class)).await;
-        done.map_err(internal)
+        done.map_err(internal)?.map_err(internal)
     }
 
-    /// Starts a learner's run; without `script` the robot stands in a new world.
-    async fn start(
-        self: &Arc<Class>,
-        name: &str,
-        order: RunOrder,
-        script: bool,
-    ) -> Result<(), Refusal> {
-        let plan = self.plan(name, order, script).await?;
+    /// Starts a learner's run.
+    async fn start(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<(), Refusal> {
+        let plan = self.plan(name, order).await?;
         self.launch(name, plan)
     }
 
@@ -410,36 +437,34 @@ impl Class {
     async fn start_turn(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<(), Refusal> {
         // Before the script is read, and again afterwards.
         let driver = self.state.lock().robots.queue.robot_of(name);
-        driver.ok_or(TurnError::NoTurn).map_err(conflict)?;
-        let plan = self.plan(name, order, true).await?;
-        let started = self.change().robots.start(name, plan, Instant::now());
-        started.map_err(conflict)
+        driver.ok_or(TurnError::NoTurn)?;
+        let plan = self.plan(name, order).await?;
+        Ok(self.change().robots.start(name, plan, Instant::now())?)
     }
 
     /// What a learner wants to run, if that is allowed now.
-    async fn plan(
-        self: &Arc<Class>,
-        name: &str,
-        order: RunOrder,
-        script: bool,
-    ) -> Result<RunPlan, Refusal> {
+    async fn plan(self: &Arc<Class>, name: &str, order: RunOrder) -> Result<RunPlan, Refusal> {
         let place = self.place(&order.lesson)?;
         let lesson = self.lesson(&place);
         let world = order.world.or(lesson.map(|lesson| lesson.world.to_owned()));
         let world = world.unwrap_or_else(|| "yard".to_owned());
         if World::builtin_yaml(&world).is_none() {
-            let why = "there is no such world";
-            return Err(Refusal::new(StatusCode::NOT_FOUND, why));
+            return Err(not_found("there is no such world"));
         }
         let starter = lesson.map_or("", |lesson| lesson.starter).to_owned();
         self.change().allow_place(name, &place, Instant::now())?;
-        let source = if script {
+        let source = if order.stands {
+            None
+        } else {
             let file = format!("{place}.lua");
             let learner = name.to_owned();
             let kept = self.block(move |class| class.files.keep(&learner, &file));
-            Some(kept.await?.map_err(internal)?.unwrap_or(starter))
-        } else {
-            None
+            let source = kept.await?.unwrap_or(starter);
+            Some(if order.blocks {
+                traced(&source)
+            } else {
+                source
+            })
         };
         Ok(RunPlan {
             name: place,
@@ -447,15 +472,14 @@ impl Class {
             folder: self.files.of(name),
             data: self.files.data_of(name),
             world,
-            speed: order.speed,
+            speed: order.speed.unwrap_or(1.0),
             seed: rand::random(),
         })
     }
 
     fn launch(self: &Arc<Class>, name: &str, plan: RunPlan) -> Result<(), Refusal> {
         let mut state = self.change();
-        // Ends the one before.
-        state.runs.remove(name);
+        state.end_run(name);
         state.started += 1;
         let number = state.started;
         let class = Arc::downgrade(self);
@@ -550,7 +574,7 @@ impl Class {
         let mut state = self.change();
         if wanted {
             state.allow(name, now)?;
-            state.robots.queue.ask(name, now).map_err(conflict)?;
+            state.robots.queue.ask(name, now)?;
         } else {
             state.robots.queue.withdraw(name);
         }
@@ -558,9 +582,13 @@ impl Class {
         Ok(())
     }
 
-    /// Starts the agents of the real robots if they do not run, and ends and begins turns.
+    /// Starts the agents of the real robots if they do not run, repeats a STOP that they have not
+    /// heard, and ends and begins turns.
     fn beat(self: &Arc<Class>, now: Instant) {
         let mut state = self.state.lock();
+        if state.robots.is_empty() {
+            return;
+        }
         state.robots.launch(now, |index, setup| {
             let class = Arc::downgrade(self);
             self.launcher.start_robot(setup, move |news| {
@@ -571,21 +599,33 @@ impl Class {
                 }
             })
         });
-        if state.take_turns(now) {
-            self.changed.send_replace(());
+        for socket in state.robots.to_stop() {
+            tokio::spawn(async move { ask(&socket, &RunRequest::Stop).await });
         }
+        state.take_turns(now);
+        drop(state);
+        // Of turns, the pages show the time.
+        self.changed.send_replace(());
     }
 
-    /// A person's STOP of a real robot, or its release.
-    async fn stop_robot(&self, robot: &str, on: bool) -> Result<(), Refusal> {
-        let socket = self.state.lock().robots.socket(robot);
-        let socket = socket.ok_or_else(no_robot)?;
-        let request = if on {
-            RunRequest::Stop
-        } else {
-            RunRequest::ResetStop
+    /// A person's STOP of a real robot, or its release. A STOP that its agent cannot hear now holds
+    /// as soon as it can.
+    async fn stop_robot(self: &Arc<Class>, robot: &str, on: bool) -> Result<(), Refusal> {
+        let (waited, socket) = {
+            let mut state = self.change();
+            let index = state.robots.queue.find(robot).ok_or_else(no_robot)?;
+            let waited = state.robots.queue.stop(index, on);
+            (waited, state.robots.socket(index))
         };
-        match ask(&socket, &request).await.map_err(internal)?.error() {
+        if on {
+            self.beat(Instant::now());
+            return Ok(());
+        }
+        let Some(socket) = socket else {
+            return if waited { Ok(()) } else { Err(no_robot()) };
+        };
+        let answer = ask(&socket, &RunRequest::ResetStop).await;
+        match answer.map_err(internal)?.error() {
             None => Ok(()),
             Some(error) => Err(Refusal::new(StatusCode::CONFLICT, error)),
         }
@@ -617,30 +657,10 @@ impl Class {
         }
     }
 
-    /// Everything stands, or goes on. A run that does not listen is ended.
-    fn freeze(&self, on: bool) {
-        let mut state = self.change();
-        state.frozen = on;
-        let mut deaf = Vec::new();
-        for (name, run) in &state.runs {
-            if let Err(error) = run.child.hold(on) {
-                tracing::warn!("{name}: the run cannot be told to stand, and is ended: {error}");
-                deaf.push(name.clone());
-            }
-        }
-        for name in deaf {
-            state.end_run(&name);
-        }
-        let now = Instant::now();
-        state.robots.queue.freeze(on, now);
-        state.take_turns(now);
-    }
-
     /// Checks a learner's script, and notes points and sentence.
     async fn check(self: &Arc<Class>, name: &str, place: &str) -> Result<Value, Refusal> {
         let lesson = self.lesson(place).map(|lesson| lesson.name);
-        let none = || Refusal::new(StatusCode::NOT_FOUND, "only a lesson can be checked");
-        let lesson = lesson.ok_or_else(none)?;
+        let lesson = lesson.ok_or_else(|| not_found("only a lesson can be checked"))?;
         {
             let mut state = self.change();
             state.allow(name, Instant::now())?;
@@ -681,7 +701,7 @@ impl Class {
         let _permit = self.checks.acquire().await.map_err(internal)?;
         let file = format!("{lesson}.lua");
         let learner = name.to_owned();
-        let judged = self.block(move |class| {
+        self.block(move |class| {
             let kept = class
                 .files
                 .keep(&learner, &file)
@@ -693,8 +713,8 @@ impl Class {
                 }));
             }
             (class.tools.check)(lesson, &class.files.of(&learner).join(file))
-        });
-        judged.await?.map_err(internal)
+        })
+        .await
     }
 
     async fn save(self: &Arc<Class>) -> Result<(), Refusal> {
@@ -703,25 +723,19 @@ impl Class {
             serde_json::to_vec_pretty(&state.members.records())
         };
         let bytes = bytes.map_err(internal)?;
-        let written = self
-            .block(move |class| class.files.write_records(&bytes))
-            .await?;
-        written.map_err(internal)
+        self.block(move |class| class.files.write_records(&bytes))
+            .await
     }
 
     /// What this caller's page shows; `None`: nothing.
     fn view(&self, caller: &Caller, now: Instant) -> Option<Value> {
         let mut state = self.state.lock();
-        let name = match caller {
-            Caller::Teacher => TEACHER.to_owned(),
-            Caller::Nobody => return None,
-            Caller::Device(cookie) => match state.members.device(cookie) {
-                Device::Admitted(name) => name,
-                Device::Waiting(name) => {
-                    return Some(json!({ "type": "state", "name": name, "admitted": false }));
-                }
-                Device::Unknown => return None,
-            },
+        let name = match state.device(caller) {
+            Device::Admitted(name) => name,
+            Device::Waiting(name) => {
+                return Some(json!({ "type": "state", "name": name, "admitted": false }));
+            }
+            Device::Unknown => return None,
         };
         let member = state.member(&name)?;
         let mut view = json!({

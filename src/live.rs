@@ -25,7 +25,7 @@ mod world;
 
 pub use book::installed;
 pub use broadcast::FrameRate;
-pub use log::{EventField, EventFields, LIGHTS_AND_SOUNDS, LogTap, tap};
+pub use log::{EventField, EventFields, LIGHTS_AND_SOUNDS, LOG_BEGINS, LogTap, tap};
 pub use messages::{schema, understood};
 pub use scripts::{RunDefinition, Script};
 pub use server::{Live, LiveError, WebContext, page_files, serve_privately, served};

@@ -1,5 +1,5 @@
 //! The runs of the learners and the agents of the real robots: starts and ends their processes, tells
-//! them what to do, and passes on what viewers ask of them. They end with their server: with the
+//! them what to do, and connects their viewers with them. They end with their server: with the
 //! connection to it, and the process of a run with this thread, too.
 
 use std::ffi::OsString;
@@ -13,8 +13,11 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::header::{CONNECTION, CONTENT_TYPE, HOST, HeaderName, HeaderValue, UPGRADE};
-use axum::http::{StatusCode, Uri};
+use axum::http::header::{
+    CONNECTION, HOST, HeaderName, SEC_WEBSOCKET_ACCEPT, SEC_WEBSOCKET_KEY, SEC_WEBSOCKET_VERSION,
+    UPGRADE,
+};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri};
 use axum::response::{IntoResponse as _, Response};
 use futures_util::StreamExt as _;
 use hyper::client::conn::http1::handshake;
@@ -30,7 +33,7 @@ use tokio_util::codec::{FramedRead, LinesCodec};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::learner::{HOLD, LEARNER, RunNews, RunPlan};
+use super::learner::{HOLD, LEARNER, LOG_FILTER, RunNews, RunPlan};
 use super::robot::RobotNews;
 use crate::control::{self, AskError, RunRequest, RunResponse};
 use crate::files::Folder;
@@ -44,20 +47,16 @@ const MAX_NEWS: usize = 64 << 10;
 /// Maximum number of lines that a run has not read.
 const MAX_ORDERS: usize = 8;
 /// The log of a robot's agent, in its folder.
-const LOG: &str = "log.txt";
+pub(super) const LOG: &str = "log.txt";
 /// How long a run may take to answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
-/// Headers of a request that a run needs, and of its answer that a page needs.
-const PASSED: [HeaderName; 3] = [
-    CONTENT_TYPE,
-    HeaderName::from_static("sec-websocket-key"),
-    HeaderName::from_static("sec-websocket-version"),
-];
-const RETURNED: [HeaderName; 4] = [
-    CONTENT_TYPE,
+/// The headers of a WebSocket's request and of its answer.
+const WEBSOCKET: [HeaderName; 5] = [
     CONNECTION,
     UPGRADE,
-    HeaderName::from_static("sec-websocket-accept"),
+    SEC_WEBSOCKET_KEY,
+    SEC_WEBSOCKET_VERSION,
+    SEC_WEBSOCKET_ACCEPT,
 ];
 
 /// Where runs are started.
@@ -118,6 +117,7 @@ impl Launcher {
         let mut command = Command::new(&self.executable);
         command
             .args(&robot.arguments)
+            .env("RUST_LOG", LOG_FILTER)
             .stdout(Stdio::null())
             .stderr(File::create(robot.data.join(LOG))?)
             // Ctrl-C in a terminal is meant for the server.
@@ -227,79 +227,47 @@ pub(super) fn no_run() -> Refusal {
     Refusal::new(StatusCode::NOT_FOUND, "there is no run: press Run first")
 }
 
-/// Passes a request on to the process with this socket, under this path. Nothing else of the request
-/// goes there but its method, its body and what a WebSocket needs, which is closed with the token.
+/// Connects a page's WebSocket with the process that has this socket, until the token is cancelled.
+/// Nothing else of the request goes there.
 pub(super) async fn pass_on(
     socket: &Path,
-    path: &'static str,
-    may_change: bool,
+    looks_only: bool,
     closed: CancellationToken,
     request: Request,
 ) -> Response {
-    let passed = timeout(
-        ANSWER_TIMEOUT,
-        pass(socket, path, may_change, closed, request),
-    );
-    match passed.await {
+    let connected = connect(socket, looks_only, closed, request);
+    match timeout(ANSWER_TIMEOUT, connected).await {
         Ok(Ok(response)) => response,
         _ => no_run().into_response(),
     }
 }
 
-/// The request as the process gets it.
-fn onward(request: Request, path: &'static str, may_change: bool) -> Request {
-    let (head, body) = request.into_parts();
-    let is_socket = head.headers.contains_key(UPGRADE);
-    let body = if is_socket { Body::empty() } else { body };
-    let mut onward = Request::new(body);
-    *onward.method_mut() = head.method;
-    *onward.uri_mut() = Uri::from_static(path);
-    let headers = onward.headers_mut();
-    for name in PASSED {
-        headers.extend(head.headers.get(&name).map(|value| (name, value.clone())));
-    }
-    headers.insert(HOST, HeaderValue::from_static("localhost"));
-    if is_socket {
-        headers.insert(CONNECTION, HeaderValue::from_static("upgrade"));
-        headers.insert(UPGRADE, HeaderValue::from_static("websocket"));
-    }
-    if !may_change {
-        headers.insert(ROLE, HeaderValue::from_static("viewer"));
-    }
-    onward
-}
-
-async fn pass(
+async fn connect(
     socket: &Path,
-    path: &'static str,
-    may_change: bool,
+    looks_only: bool,
     closed: CancellationToken,
     mut request: Request,
 ) -> io::Result<Response> {
     let stream = UnixStream::connect(socket).await?;
-    let (mut sender, connection) = handshake(TokioIo::new(stream))
-        .await
-        .map_err(io::Error::other)?;
-    let connection = tokio::spawn(connection.with_upgrades());
+    let handshake = handshake(TokioIo::new(stream)).await;
+    let (mut sender, connection) = handshake.map_err(io::Error::other)?;
+    let connection = AbortOnDropHandle::new(tokio::spawn(connection.with_upgrades()));
     let page = hyper::upgrade::on(&mut request);
-    let onward = onward(request, path, may_change);
-    let mut answer = sender
-        .send_request(onward)
-        .await
-        .map_err(io::Error::other)?;
-    let run = hyper::upgrade::on(&mut answer);
-    let (head, body) = answer.into_parts();
-    let mut response = Response::new(Body::new(body));
-    *response.status_mut() = head.status;
-    for name in RETURNED {
-        let value = head.headers.get(&name).cloned();
-        response
-            .headers_mut()
-            .extend(value.map(|value| (name, value)));
+    let mut onward = Request::new(Body::empty());
+    *onward.uri_mut() = Uri::from_static("/live");
+    *onward.headers_mut() = of_websocket(request.headers());
+    let host = HeaderValue::from_static("localhost");
+    onward.headers_mut().insert(HOST, host);
+    if looks_only {
+        let viewer = HeaderValue::from_static("viewer");
+        onward.headers_mut().insert(ROLE, viewer);
     }
-    if head.status == StatusCode::SWITCHING_PROTOCOLS {
+    let answer = sender.send_request(onward).await;
+    let mut answer = answer.map_err(io::Error::other)?;
+    let run = hyper::upgrade::on(&mut answer);
+    if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
         tokio::spawn(async move {
-            let _connection = AbortOnDropHandle::new(connection);
+            let _connection = connection;
             if let (Ok(page), Ok(run)) = (page.await, run.await) {
                 let mut page = TokioIo::new(page);
                 let mut run = TokioIo::new(run);
@@ -308,5 +276,11 @@ async fn pass(
             }
         });
     }
-    Ok(response)
+    Ok((answer.status(), of_websocket(answer.headers())).into_response())
+}
+
+/// Those of the headers that a WebSocket needs.
+fn of_websocket(headers: &HeaderMap) -> HeaderMap {
+    let value = |name: HeaderName| Some((name.clone(), headers.get(name)?.clone()));
+    WEBSOCKET.into_iter().filter_map(value).collect()
 }

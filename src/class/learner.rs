@@ -34,6 +34,8 @@ pub const LEARNER: &str = "learner";
 pub(super) const HOLD: &str = "hold";
 /// Maximum length of what the server tells a run, in bytes.
 pub(super) const MAX_TOLD: u64 = 2 << 20;
+/// What is in the log of a run and of a robot's agent.
+pub(super) const LOG_FILTER: &str = "warn,spykee=info,spykee::script=debug";
 /// A script that cannot be interrupted for this long ends the run.
 const STUCK_LIMIT: Duration = Duration::from_secs(5);
 
@@ -71,8 +73,8 @@ pub fn learner_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
 }
 
 fn play() -> io::Result<()> {
-    let filter = EnvFilter::new("warn,spykee=info");
-    let log = Registry::default().with(filter).with(LogTap);
+    let log = Registry::default().with(EnvFilter::new(LOG_FILTER));
+    let log = log.with(LogTap);
     let _ = tracing::dispatcher::set_global_default(log.into());
     let listener = UnixListener::from(io::stdin().as_fd().try_clone_to_owned()?);
     let (server, _) = listener.accept()?;
@@ -127,7 +129,7 @@ async fn drive(
     };
     let agent_plan = Plan {
         stays: true,
-        specs: plan.spec(&config).into_iter().collect(),
+        specs: plan.spec(&plan.name, &config).into_iter().collect(),
         ..simulation.plan(Vec::new())
     };
     let bus = agent_plan.pilot.bus.clone();
@@ -200,6 +202,25 @@ async fn follow(
     }
 }
 
+/// The script of blocks, in which each line tells the log that it runs, so that the page can show
+/// which block does: at most forty of them in a second of the script's clock.
+pub(super) fn traced(source: &str) -> String {
+    let mut traced = "local __n, __s = 0, 0 local function __at(line) local s = clock.now() // 1 \
+                      if s ~= __s then __n, __s = 0, s end __n += 1 \
+                      if __n <= 40 then log.debug(line) end end "
+        .to_owned();
+    for (index, line) in source.lines().enumerate() {
+        let code = line.trim_start();
+        let ends = ["end", "else", "until"].map(|word| code.starts_with(word));
+        if !code.is_empty() && !ends.contains(&true) {
+            traced += &format!("__at(\"{}\") ", index + 1);
+        }
+        traced += line;
+        traced.push('\n');
+    }
+    traced
+}
+
 pub(super) fn what_failed(reason: EndReason, message: Option<&str>) -> Option<String> {
     if is_failure(reason) {
         Some(message.unwrap_or(reason.sentence()).to_owned())
@@ -223,12 +244,13 @@ impl RunPlan {
         })
     }
 
-    pub(super) fn spec(&self, config: &Config) -> Option<BehaviourSpec> {
+    /// The script as a behaviour of this name.
+    pub(super) fn spec(&self, name: &str, config: &Config) -> Option<BehaviourSpec> {
         let source = self.source.clone()?.into_bytes();
         let options = script::Options {
             data_dir: Some(self.data.clone()),
             detections: true,
-            ..config.script(self.name.clone(), self.file(), self.seed)
+            ..config.script(name.to_owned(), self.file(), self.seed)
         };
         let launch = Launch {
             source,
@@ -236,7 +258,7 @@ impl RunPlan {
             library: Library::new(self.folder.clone()),
         };
         Some(BehaviourSpec::new(
-            self.name.clone(),
+            name.to_owned(),
             Priority(0),
             move || {
                 Ok(Behaviour {

@@ -9,6 +9,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
 /// The length of a turn in minutes: the usual one, and what the teacher may choose.
 const USUAL_MINUTES: u64 = 3;
@@ -37,26 +38,36 @@ pub(super) struct Facts {
 }
 
 #[derive(Debug)]
-struct Turn {
+pub(super) struct Turn {
     learner: String,
-    /// Tells the turns apart, for pages.
-    number: u64,
+    /// Tells the turns apart.
+    pub(super) number: u64,
     ends: Instant,
     /// When it is lost, as long as no script was started.
     start_by: Option<Instant>,
     /// Since when the learner's page is gone.
     gone: Option<Instant>,
+    /// Cancelled when it is over, for what the learner sees of the robot.
+    pub(super) over: CancellationToken,
 }
 
-#[derive(Debug)]
-struct Robot {
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.over.cancel();
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Robot {
     name: String,
     facts: Facts,
     /// The battery was low, and is not charged yet.
     charges: bool,
-    turn: Option<Turn>,
+    pub(super) turn: Option<Turn>,
     /// It was told to stand, and has not confirmed it yet.
     stopping: bool,
+    /// The teacher has stopped it, and its agent has not heard it yet.
+    pub(super) stop_waits: bool,
 }
 
 #[derive(Debug)]
@@ -84,10 +95,10 @@ pub(super) enum TurnError {
     Minutes,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Queue {
     length: Duration,
-    robots: Vec<Robot>,
+    pub(super) robots: Vec<Robot>,
     waiting: Vec<Waiting>,
     /// How many turns each learner has had.
     had: HashMap<String, u32>,
@@ -99,11 +110,21 @@ pub(super) struct Queue {
 
 impl Robot {
     fn is_ready(&self) -> bool {
-        self.facts.connected && !self.facts.low && !self.facts.stopped && !self.charges
+        let stopped = self.facts.stopped || self.stop_waits;
+        self.facts.connected && !self.facts.low && !stopped && !self.charges
+    }
+
+    /// Ends the turn on it, if there is one. It is told to stand in any case: the log of its agent
+    /// ends with the turn, too.
+    fn end_turn(&mut self) {
+        if self.turn.take().is_some() {
+            self.stopping = false;
+            self.facts.stands = false;
+        }
     }
 
     /// How long the turn on it still takes.
-    fn left(&self, now: Instant) -> Duration {
+    pub(super) fn left(&self, now: Instant) -> Duration {
         let turn = self.turn.as_ref();
         turn.map_or(Duration::ZERO, |turn| {
             turn.ends.saturating_duration_since(now)
@@ -113,6 +134,8 @@ impl Robot {
     /// A key of the pages' texts.
     fn state(&self) -> &'static str {
         match &self.turn {
+            _ if self.stop_waits && !self.facts.connected => "stop_waits",
+            _ if self.stop_waits => "stop_sending",
             _ if self.facts.stopped && !self.facts.stands => "stop_sending",
             _ if self.facts.stopped => "stopped",
             _ if !self.facts.connected => "disconnected",
@@ -131,18 +154,12 @@ impl Queue {
     pub(super) fn new(robots: impl IntoIterator<Item = String>) -> Queue {
         let robots = robots.into_iter().map(|name| Robot {
             name,
-            facts: Facts::default(),
-            charges: false,
-            turn: None,
-            stopping: false,
+            ..Robot::default()
         });
         Queue {
             length: Duration::from_secs(60 * USUAL_MINUTES),
             robots: robots.collect(),
-            waiting: Vec::new(),
-            had: HashMap::new(),
-            frozen: None,
-            turns: 0,
+            ..Queue::default()
         }
     }
 
@@ -175,8 +192,13 @@ impl Queue {
     pub(super) fn withdraw(&mut self, learner: &str) {
         self.waiting.retain(|one| one.learner != learner);
         if let Some(index) = self.robot_of(learner) {
-            self.robots[index].turn = None;
+            self.robots[index].end_turn();
         }
+    }
+
+    /// The robot of this name.
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.robots.iter().position(|robot| robot.name == name)
     }
 
     /// The robot on which it is this learner's turn.
@@ -185,16 +207,10 @@ impl Queue {
         self.robots.iter().position(has)
     }
 
-    /// The number of the turn on a robot.
-    pub(super) fn turn(&self, index: usize) -> Option<u64> {
-        let turn = self.robots.get(index)?.turn.as_ref();
-        turn.map(|turn| turn.number)
-    }
-
-    /// How long the turn on a robot still takes.
-    pub(super) fn left(&self, index: usize, now: Instant) -> Duration {
-        let robot = self.robots.get(index);
-        robot.map_or(Duration::ZERO, |robot| robot.left(now))
+    /// The teacher stops a robot, or lets it go. Returns whether a STOP has waited for its agent.
+    pub(super) fn stop(&mut self, index: usize, on: bool) -> bool {
+        let robot = &mut self.robots[index];
+        std::mem::replace(&mut robot.stop_waits, on && !robot.facts.stopped)
     }
 
     /// A learner starts a script on the robot, which is told so.
@@ -224,16 +240,20 @@ impl Queue {
 
     /// A robot reports; an earlier order has been carried out.
     pub(super) fn note(&mut self, index: usize, facts: Facts) {
-        let Some(robot) = self.robots.get_mut(index) else {
-            return;
-        };
+        let robot = &mut self.robots[index];
         robot.facts = facts;
         robot.stopping &= !facts.stands;
+        robot.stop_waits &= !facts.stopped;
         if facts.low {
             robot.charges = true;
         } else if facts.percent.is_some_and(|percent| percent >= CHARGED) {
             robot.charges = false;
         }
+    }
+
+    /// The time of turns, which stands while everything does.
+    fn time(&self, now: Instant) -> Instant {
+        self.frozen.unwrap_or(now)
     }
 
     /// Everything stands, and the time of turns with it, or goes on.
@@ -255,6 +275,7 @@ impl Queue {
     /// Ends and begins turns. Returns the robots that are to be told to stand. `here` says whether a
     /// learner's page is open.
     pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) -> Vec<usize> {
+        let now = self.time(now);
         let mut told = Vec::new();
         for index in 0..self.robots.len() {
             self.end_turn(index, now, &here);
@@ -286,7 +307,7 @@ impl Queue {
         let passed = |at: Option<Instant>| at.is_some_and(|at| now >= at);
         let gone = turn.gone.map(|since| since + GONE_LIMIT);
         let over = passed(Some(turn.ends)) || passed(turn.start_by) || passed(gone);
-        if ready && (!over || self.frozen.is_some()) {
+        if ready && !over {
             return;
         }
         let rest = turn.ends.saturating_duration_since(now);
@@ -297,7 +318,7 @@ impl Queue {
                 rest: Some(rest),
             });
         }
-        robot.turn = None;
+        robot.end_turn();
     }
 
     fn begin_turn(&mut self, index: usize, now: Instant, here: impl Fn(&str) -> bool) {
@@ -318,6 +339,7 @@ impl Queue {
             ends: now + rest.unwrap_or(self.length),
             start_by: Some(now + START_LIMIT),
             gone: None,
+            over: CancellationToken::new(),
         });
     }
 
@@ -347,6 +369,7 @@ impl Queue {
         if self.robots.is_empty() {
             return Value::Null;
         }
+        let now = self.time(now);
         let mut order = self.order().into_iter();
         let place = order.position(|one| one.learner == learner);
         let wait = place.and_then(|place| self.wait(place, now));
@@ -368,11 +391,13 @@ impl Queue {
 
     /// What the wall shows.
     pub(super) fn wall(&self, now: Instant) -> Value {
+        let now = self.time(now);
         let robot = |robot: &Robot| {
             let turn = robot.turn.as_ref();
             json!({
                 "name": robot.name, "state": robot.state(), "percent": robot.facts.percent,
-                "charging": robot.facts.charging, "stopped": robot.facts.stopped,
+                "charging": robot.facts.charging,
+                "stopped": robot.facts.stopped || robot.stop_waits,
                 "driver": turn.map(|turn| &turn.learner),
                 "left": turn.map(|turn| seconds(turn.ends, now)),
             })
@@ -409,6 +434,13 @@ mod tests {
     const LESSONS: u64 = 100;
     const MINUTE: Duration = Duration::from_secs(60);
 
+    /// As it is while its agent does not run.
+    const GONE: Facts = Facts {
+        connected: false,
+        percent: None,
+        ..READY
+    };
+
     fn everybody(_: &str) -> bool {
         true
     }
@@ -417,6 +449,10 @@ mod tests {
         let mut queue = Queue::new((1..=robots).map(|number| number.to_string()));
         (0..robots).for_each(|index| queue.note(index, READY));
         queue
+    }
+
+    fn turn(queue: &Queue, index: usize) -> Option<u64> {
+        queue.robots[index].turn.as_ref().map(|turn| turn.number)
     }
 
     fn driver(queue: &Queue, index: usize) -> Option<&str> {
@@ -449,6 +485,8 @@ mod tests {
         assert_eq!(driver(&queue, 0), Some("Bo"));
         queue.withdraw("Bo");
         queue.ask("Ada", end).unwrap();
+        assert_eq!(queue.poll(end, everybody), [0], "the log ends, too");
+        queue.note(0, READY);
         queue.poll(end, everybody);
         assert_eq!(
             driver(&queue, 0),
@@ -548,9 +586,48 @@ mod tests {
         assert_eq!(queue.start("Ada"), Err(TurnError::Frozen));
         let later = now + 10 * MINUTE;
         assert!(queue.poll(later, everybody).is_empty());
+        assert_eq!(queue.seen_by("Ada", later)["turn"]["left"], 180);
         queue.freeze(false, later);
         queue.poll(later + 2 * MINUTE, everybody);
         assert_eq!(queue.start("Ada"), Ok(0));
+        // A robot that is lost meanwhile gives back what was left when it was told to stand.
+        let end = later + 2 * MINUTE;
+        queue.freeze(true, end);
+        queue.note(0, GONE);
+        queue.poll(end + MINUTE, everybody);
+        queue.freeze(false, end + MINUTE);
+        queue.note(0, READY);
+        queue.poll(end + MINUTE, everybody);
+        assert_eq!(queue.seen_by("Ada", end + MINUTE)["turn"]["left"], 60);
+    }
+
+    #[test]
+    fn the_teachers_stop_waits_for_the_agent() {
+        let now = Instant::now();
+        let mut queue = queue(1);
+        queue.ask("Ada", now).unwrap();
+        queue.poll(now, everybody);
+        let over = queue.robots[0].turn.as_ref().unwrap().over.clone();
+        queue.note(0, GONE);
+        assert!(!queue.stop(0, true));
+        for (facts, state) in [(GONE, "stop_waits"), (READY, "stop_sending")] {
+            queue.note(0, facts);
+            queue.poll(now, everybody);
+            assert_eq!(driver(&queue, 0), None);
+            assert_eq!(queue.wall(now)["robots"][0]["state"], state);
+        }
+        assert!(over.is_cancelled());
+        let stopped = Facts {
+            stopped: true,
+            ..READY
+        };
+        queue.note(0, stopped);
+        assert!(!queue.stop(0, true), "it holds already");
+        assert_eq!(queue.wall(now)["robots"][0]["state"], "stopped");
+        assert!(!queue.robots[0].stop_waits);
+        queue.note(0, READY);
+        queue.poll(now, everybody);
+        assert_eq!(driver(&queue, 0), Some("Ada"));
     }
 
     #[test]
@@ -627,7 +704,7 @@ mod tests {
                 let now = began + Duration::from_secs(second);
                 self.learners_act(now);
                 self.robots_act();
-                let before = [0, 1].map(|index| self.queue.turn(index));
+                let before = [0, 1].map(|index| turn(&self.queue, index));
                 let away = self.away.clone();
                 let told = self.queue.poll(now, |learner| !away.contains_key(learner));
                 for index in told {
@@ -635,7 +712,7 @@ mod tests {
                     self.robots[index].standing.get_or_insert(wait);
                 }
                 for (index, turn) in before.into_iter().enumerate() {
-                    if self.queue.turn(index) != turn {
+                    if self::turn(&self.queue, index) != turn {
                         self.begun(index, now);
                     }
                 }

@@ -15,7 +15,7 @@ use tokio::io::AsyncWriteExt as _;
 use tokio::net::UnixStream;
 use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::watch;
-use tokio::time::sleep;
+use tokio::time::{Instant, sleep};
 use tokio_util::codec::{FramedRead, LinesCodec};
 use tokio_util::sync::CancellationToken;
 
@@ -24,7 +24,7 @@ use super::queue::Facts;
 use crate::agent::{Agent, AgentError, BehaviourState, BehaviourStatus, Bus, Change, Outcome};
 use crate::config::Config;
 use crate::control::{Run, RunRequest};
-use crate::live::{self, RunDefinition, WebContext};
+use crate::live::{self, LOG_BEGINS, RunDefinition, WebContext};
 use crate::pilot::LinkState;
 use crate::robot::{AgentEvent, BusMessage, Percent, Setpoint};
 use crate::side_thread::SideThread;
@@ -39,11 +39,15 @@ const ALIVE: Duration = Duration::from_millis(100);
 pub(super) struct Order {
     /// Counts the orders.
     pub(super) number: u64,
+    /// The turn that it belongs to.
+    pub(super) turn: Option<u64>,
     pub(super) start: Option<Start>,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Start {
+    /// The learner, after whom the behaviour is called: its name stands in the log.
+    pub(super) driver: String,
     pub(super) plan: RunPlan,
     /// The rest of the turn: the script ends then, whatever the server does.
     pub(super) lasts: Duration,
@@ -69,8 +73,10 @@ pub struct RobotAgent {
     server: OwnedWriteHalf,
     /// What has been told so far.
     news: RobotNews,
-    /// A script was started, and has not ended yet as far as is known here.
-    runs: bool,
+    /// The turn of the newest order.
+    turn: Option<u64>,
+    /// A script that does not run yet.
+    starting: Option<Starting>,
     _definition: watch::Sender<RunDefinition>,
     _page: SideThread,
 }
@@ -86,10 +92,7 @@ impl RobotAgent {
         let (server, _) = listener.accept()?;
         server.set_nonblocking(true)?;
         let (orders, server) = UnixStream::from_std(server)?.into_split();
-        let (definition, shown) = watch::channel(RunDefinition {
-            scripts: Vec::new(),
-            timetable: None,
-        });
+        let (definition, shown) = watch::channel(RunDefinition::default());
         let context = WebContext {
             run: control.clone(),
             definition: shown,
@@ -106,7 +109,8 @@ impl RobotAgent {
             orders: FramedRead::new(orders, codec),
             server,
             news: RobotNews::default(),
-            runs: false,
+            turn: None,
+            starting: None,
             _definition: definition,
             _page: page,
         })
@@ -131,7 +135,6 @@ impl RobotAgent {
         let mut status = self.control.status.clone();
         let mut statuses = self.control.roster.statuses();
         let mut events = self.bus.subscribe();
-        let mut starting: Option<Starting> = None;
         let mut told = None;
         loop {
             self.news.facts = self.facts();
@@ -148,16 +151,12 @@ impl RobotAgent {
                 line = self.orders.next() => {
                     let Some(Ok(line)) = line else { return };
                     let Ok(order) = serde_json::from_str::<Order>(&line) else { return };
-                    drop(starting.take());
-                    self.end_script().await;
-                    self.news.done = order.number;
-                    self.news.error = None;
-                    self.runs = order.start.is_some();
-                    starting = order.start.map(|start| self.start(start));
+                    self.carry_out(order).await;
+                    // What has ended is no news any more.
+                    events = self.bus.subscribe();
                 }
-                done = started(&mut starting) => {
-                    starting = None;
-                    self.runs &= done.is_ok();
+                done = started(&mut self.starting) => {
+                    self.starting = None;
                     self.news.error = done.err();
                 }
                 Some(message) = events.next() => self.hear(&message),
@@ -167,19 +166,26 @@ impl RobotAgent {
         }
     }
 
+    async fn carry_out(&mut self, order: Order) {
+        self.end_script().await;
+        if order.turn != self.turn {
+            self.turn = order.turn;
+            // Whoever drives next sees nothing of the script before: neither its end nor its output.
+            let _ = self.control.roster.define(Vec::new()).await;
+            tracing::info!(target: LOG_BEGINS, "a turn begins or ends");
+        }
+        self.news.done = order.number;
+        self.news.error = None;
+        self.starting = order.start.map(|start| self.start(start));
+    }
+
     fn hear(&mut self, message: &BusMessage) {
-        match message {
-            BusMessage::Event(event) => {
-                if let AgentEvent::Ended {
-                    reason, message, ..
-                } = &event.what
-                {
-                    self.runs = false;
-                    self.news.error = what_failed(*reason, message.as_deref());
-                }
-            }
-            // One of them may be the end of the script.
-            BusMessage::Missed(_) => self.runs = false,
+        if let BusMessage::Event(event) = message
+            && let AgentEvent::Ended {
+                reason, message, ..
+            } = &event.what
+        {
+            self.news.error = what_failed(*reason, message.as_deref());
         }
     }
 
@@ -187,7 +193,7 @@ impl RobotAgent {
         let statuses = self.control.roster.statuses();
         let statuses = statuses.borrow();
         let active = |one: &BehaviourStatus| one.state != BehaviourState::Idle;
-        self.runs || statuses.iter().any(active)
+        self.starting.is_some() || statuses.iter().any(active)
     }
 
     fn facts(&self) -> Facts {
@@ -207,10 +213,12 @@ impl RobotAgent {
     }
 
     /// Ends what runs. The robot stands at once, whatever a script says in its last moment.
-    async fn end_script(&self) {
+    async fn end_script(&mut self) {
         if !self.is_running() {
             return;
         }
+        // What has not begun to start never does.
+        self.starting = None;
         let Ok(mut person) = self.control.pilot_client(CLASS).await else {
             return;
         };
@@ -230,9 +238,10 @@ impl RobotAgent {
     }
 
     /// Starts a script; a robot on its station leaves it first.
-    fn start(&self, Start { plan, lasts }: Start) -> Starting {
+    fn start(&self, start: Start) -> Starting {
         let control = self.control.clone();
-        let spec = plan.spec(&self.config);
+        let spec = start.plan.spec(&start.driver, &self.config);
+        let ends = Instant::now() + start.lasts;
         Box::pin(async move {
             if control.status.borrow().docked {
                 let undock = RunRequest::Undock { seconds: None };
@@ -242,9 +251,10 @@ impl RobotAgent {
             }
             let defined = control.roster.define(spec.into_iter().collect()).await;
             defined.map_err(|error| error.to_string())?;
+            let lasts = ends.saturating_duration_since(Instant::now());
             let change = control
                 .roster
-                .change(Change::Start, &plan.name, Some(lasts), CLASS);
+                .change(Change::Start, &start.driver, Some(lasts), CLASS);
             change.await.map_err(|error| error.to_string())
         })
     }

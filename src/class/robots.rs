@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::children::{Child, RobotSetup};
+use super::children::{Child, LOG, RobotSetup};
 use super::learner::RunPlan;
 use super::queue::{Facts, Queue, TurnError};
 use super::robot::{Order, RobotNews, Start};
@@ -17,7 +17,7 @@ use super::robot::{Order, RobotNews, Start};
 /// The pause before an agent that has ended is started again.
 const AGAIN: Duration = Duration::from_secs(5);
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Robots {
     pub(super) queue: Queue,
     robots: Vec<RealRobot>,
@@ -33,9 +33,6 @@ struct RealRobot {
     ordered: u64,
     /// Why the script of this turn failed.
     error: Option<String>,
-    turn: Option<u64>,
-    /// Closes what the driver sees of it at the end of the turn.
-    turn_over: CancellationToken,
 }
 
 impl Robots {
@@ -47,13 +44,15 @@ impl Robots {
             started: None,
             ordered: 0,
             error: None,
-            turn: None,
-            turn_over: CancellationToken::new(),
         };
         Robots {
             queue,
             robots: setups.into_iter().map(robot).collect(),
         }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.robots.is_empty()
     }
 
     /// Starts the agents that do not run.
@@ -77,16 +76,20 @@ impl Robots {
 
     /// Notes what an agent reports; `None`: it has ended, and its guardian stops the robot.
     pub(super) fn hear(&mut self, index: usize, news: Option<RobotNews>) {
-        let Some(robot) = self.robots.get_mut(index) else {
-            return;
-        };
+        let robot = &mut self.robots[index];
         let gone = Facts {
             stands: true,
             ..Facts::default()
         };
         let facts = match news {
             None => {
-                tracing::warn!("robot {}: its agent has ended", robot.setup.name);
+                let setup = &robot.setup;
+                let log = setup.data.join(LOG);
+                let log = log.display();
+                tracing::warn!(
+                    "robot {}: its agent has ended; its log is {log}",
+                    setup.name
+                );
                 robot.child = None;
                 gone
             }
@@ -102,22 +105,11 @@ impl Robots {
         self.queue.note(index, facts);
     }
 
-    /// Ends and begins turns, and tells robots to stand; returns whether turns have changed.
-    pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) -> bool {
+    /// Ends and begins turns, and tells robots to stand.
+    pub(super) fn poll(&mut self, now: Instant, here: impl Fn(&str) -> bool) {
         for index in self.queue.poll(now, here) {
             self.order(index, None);
         }
-        let mut changed = false;
-        for (index, robot) in self.robots.iter_mut().enumerate() {
-            let turn = self.queue.turn(index);
-            if robot.turn != turn {
-                robot.turn = turn;
-                robot.error = None;
-                std::mem::take(&mut robot.turn_over).cancel();
-                changed = true;
-            }
-        }
-        changed
     }
 
     /// Starts a learner's script on the robot whose turn it is; one that runs is ended first.
@@ -128,8 +120,12 @@ impl Robots {
         now: Instant,
     ) -> Result<(), TurnError> {
         let index = self.queue.start(learner)?;
-        let lasts = self.queue.left(index, now);
-        self.order(index, Some(Start { plan, lasts }));
+        let start = Start {
+            driver: learner.to_owned(),
+            plan,
+            lasts: self.queue.robots[index].left(now),
+        };
+        self.order(index, Some(start));
         Ok(())
     }
 
@@ -143,8 +139,10 @@ impl Robots {
     fn order(&mut self, index: usize, start: Option<Start>) {
         let robot = &mut self.robots[index];
         robot.ordered += 1;
+        let turn = self.queue.robots[index].turn.as_ref();
         let order = Order {
             number: robot.ordered,
+            turn: turn.map(|turn| turn.number),
             start,
         };
         let Some(child) = &mut robot.child else {
@@ -157,17 +155,23 @@ impl Robots {
         }
     }
 
-    /// Where viewers reach the robot of this name.
-    pub(super) fn socket(&self, name: &str) -> Option<PathBuf> {
-        let robot = self.robots.iter().find(|robot| robot.setup.name == name)?;
-        Some(robot.child.as_ref()?.socket())
+    /// Where viewers reach a robot.
+    pub(super) fn socket(&self, index: usize) -> Option<PathBuf> {
+        Some(self.robots[index].child.as_ref()?.socket())
+    }
+
+    /// The robots whose agents have not heard the teacher's STOP yet.
+    pub(super) fn to_stop(&self) -> impl Iterator<Item = PathBuf> {
+        let waits = |index: &usize| self.queue.robots[*index].stop_waits;
+        let waiting = (0..self.robots.len()).filter(waits);
+        waiting.filter_map(|index| self.socket(index))
     }
 
     /// Where a learner reaches the robot whose turn it is, and the end of the turn.
     pub(super) fn of_driver(&self, learner: &str) -> Option<(PathBuf, CancellationToken)> {
-        let robot = &self.robots[self.queue.robot_of(learner)?];
-        let socket = robot.child.as_ref()?.socket();
-        Some((socket, robot.turn_over.clone()))
+        let index = self.queue.robot_of(learner)?;
+        let turn = self.queue.robots[index].turn.as_ref()?;
+        Some((self.socket(index)?, turn.over.clone()))
     }
 
     /// What a learner's page shows.

@@ -1,6 +1,6 @@
 //! The requests of the pages. A request is checked like one of the live page (`Host`, `Origin`); then
 //! a cookie tells whose it is. A learner's requests concern the learner's own files and run only; the
-//! teacher may name any learner in the path.
+//! teacher may name any learner in the path, and has the routes of `of_teacher`.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -11,10 +11,10 @@ use axum::extract::{
     ConnectInfo, DefaultBodyLimit, FromRequestParts, Path, Query, RawPathParams, Request, State,
     WebSocketUpgrade,
 };
-use axum::http::StatusCode;
 use axum::http::header::{self, HeaderMap, HeaderValue};
 use axum::http::request::Parts;
-use axum::middleware::{Next, from_fn_with_state};
+use axum::http::{Method, StatusCode};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post};
 use axum::{Json, Router};
@@ -30,15 +30,16 @@ use super::files::{MAX_TEXT, Text, Written};
 use super::members::{Device, TEACHER};
 use super::queue::TurnError;
 use super::{
-    Caller, Class, MARKS, MARKS_RATE, POINTS, RunOrder, conflict, internal, no_robot, unknown_name,
+    Caller, Class, MARKS, MARKS_RATE, POINTS, RunOrder, internal, no_robot, not_found, unknown_name,
 };
+use crate::clock::every;
 use crate::http::{self, Access, Refusal, Role, Visitor};
 use crate::live::{installed, page_files, served};
 use crate::sim::World;
 use crate::{api, files};
 
 type Shared = State<Arc<Class>>;
-type Reply<T = Json<Value>> = Result<T, Refusal>;
+type Reply<T = ()> = Result<T, Refusal>;
 
 /// Name of the cookie of a learner's device.
 const COOKIE: &str = "spykee_class";
@@ -46,22 +47,21 @@ const COOKIE: &str = "spykee_class";
 const COOKIE_AGE: u32 = 400 * 24 * 60 * 60;
 /// Maximum length of a request's body: a text whose characters are all escaped in JSON.
 const MAX_BODY: usize = 2 * MAX_TEXT;
-/// A page's state is sent at most this often, and something at least so often.
+/// A page's state is sent at most this often.
 const STATE_PAUSE: Duration = Duration::from_millis(200);
+/// A page that answers no ping for this long is gone.
 const PING: Duration = Duration::from_secs(2);
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(6);
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// Where the bundles of the editor are, seen from the program's folder: see `live/book.rs`.
 const BUNDLES: [&str; 2] = ["../share/spykee/editor", "../editor"];
 const MAX_BUNDLE: u64 = 8 << 20;
 const HTML: &str = "text/html; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
 const JS: &str = "text/javascript; charset=utf-8";
 const PAGE: &[u8] = include_bytes!("page/index.html");
 const FILES: &[(&str, &str, &str)] = &[
-    (
-        "/class/style.css",
-        "text/css; charset=utf-8",
-        include_str!("page/style.css"),
-    ),
+    ("/class/style.css", CSS, include_str!("page/style.css")),
     ("/class/start.js", JS, include_str!("page/start.js")),
     ("/class/turns.js", JS, include_str!("page/turns.js")),
     ("/class/robots.js", JS, include_str!("page/robots.js")),
@@ -83,8 +83,9 @@ pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
     let pages = pages
         .route("/", served(HTML, PAGE))
         .route("/wall", served(HTML, PAGE));
+    let of_teacher = of_teacher().route_layer(from_fn(teacher_only));
     let all = Router::new()
-        .nest("/class", workspace())
+        .nest("/class", workspace().merge(of_teacher))
         .nest("/class/of/{name}", workspace())
         .route("/class/join", post(join))
         .route("/class/me", get(me))
@@ -94,17 +95,6 @@ pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
         .route("/class/lessons", get(lessons))
         .route("/class/editor.js", bundle("editor.js"))
         .route("/class/blocks.js", bundle("blocks.js"))
-        .route("/class/admit", post(admit))
-        .route("/class/dismiss", post(dismiss))
-        .route("/class/freeze", post(freeze))
-        .route("/class/show", post(show))
-        .route("/class/lock", post(lock))
-        .route("/class/lesson", post(lesson_for_all))
-        .route("/class/minutes", post(minutes))
-        .route("/class/robots/{robot}/stop", post(stop_robot))
-        .route("/class/robots/{robot}/live", get(robot_live))
-        .route("/class/points.csv", get(points))
-        .route("/class/qr", get(qr))
         .layer(DefaultBodyLimit::max(MAX_BODY))
         .layer(from_fn_with_state(class.clone(), recognise))
         .with_state(class);
@@ -113,12 +103,27 @@ pub(super) fn routes(class: Arc<Class>, access: Arc<Access>) -> Router {
         .layer(from_fn_with_state(access, http::guard_request))
 }
 
-/// What there is in each workspace.
+/// What only the teacher may do.
+fn of_teacher() -> Router<Arc<Class>> {
+    Router::new()
+        .route("/admit", post(admit))
+        .route("/dismiss", post(dismiss))
+        .route("/freeze", switch(super::State::freeze))
+        .route("/show", switch(super::State::show))
+        .route("/lock", switch(|state, on| state.locked = on))
+        .route("/lesson", post(lesson_for_all))
+        .route("/minutes", post(minutes))
+        .route("/robots/{robot}/stop", post(stop_robot))
+        .route("/robots/{robot}/live", get(robot_live))
+        .route("/points.csv", get(points))
+        .route("/qr", get(qr))
+}
+
+/// What there is in each workspace: see [`Target`].
 fn workspace() -> Router<Arc<Class>> {
     Router::new()
         .route("/script", get(script).put(write_script))
         .route("/run", post(run))
-        .route("/reset", post(reset))
         .route("/stop", post(stop))
         .route("/check", post(check))
         .route("/live", get(live))
@@ -167,27 +172,21 @@ impl<S: Sync> FromRequestParts<S> for Caller {
     }
 }
 
-/// A request of the teacher.
-struct Teacher;
-
-impl<S: Sync> FromRequestParts<S> for Teacher {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Teacher, Refusal> {
-        match parts.extensions.get::<Caller>() {
-            Some(Caller::Teacher) => Ok(Teacher),
-            _ => Err(Refusal::new(
-                StatusCode::FORBIDDEN,
-                "only the teacher may do this",
-            )),
-        }
+/// Middleware: refuses everybody but the teacher.
+async fn teacher_only(caller: Caller, request: Request, next: Next) -> Reply<Response> {
+    if caller == Caller::Teacher {
+        return Ok(next.run(request).await);
     }
+    let why = "only the teacher may do this";
+    Err(Refusal::new(StatusCode::FORBIDDEN, why))
 }
 
-/// The workspace that a request concerns: that in its path, or else the caller's own.
+/// The workspace that a request concerns: that in its path, or else the caller's own. Others than
+/// the teacher's own are the teacher's to see and to change; the teacher's is for all to see while it
+/// is shown.
 struct Target {
     name: String,
-    may_change: bool,
+    looks_only: bool,
 }
 
 impl FromRequestParts<Arc<Class>> for Target {
@@ -200,24 +199,17 @@ impl FromRequestParts<Arc<Class>> for Target {
         let named = params.iter().find(|(key, _)| *key == "name");
         let named = named.map(|(_, name)| name.to_owned());
         let state = class.state.lock();
-        let own = match &caller {
-            Caller::Teacher => Some(TEACHER.to_owned()),
-            Caller::Device(cookie) => match state.members.device(cookie) {
-                Device::Admitted(name) => Some(name),
-                _ => None,
-            },
-            Caller::Nobody => None,
+        let Device::Admitted(own) = state.device(&caller) else {
+            let why = "join the class first";
+            return Err(Refusal::new(StatusCode::UNAUTHORIZED, why));
         };
-        let join_first = || Refusal::new(StatusCode::UNAUTHORIZED, "join the class first");
-        let own = own.ok_or_else(join_first)?;
         let name = match named {
             None => own,
             Some(name) if name == own => own,
             Some(name) if caller == Caller::Teacher => name,
-            // The teacher's screen, while it is shown to all.
-            Some(name) if name == TEACHER && state.shown => {
-                let may_change = false;
-                return Ok(Target { name, may_change });
+            Some(name) if name == TEACHER && state.shown && parts.method == Method::GET => {
+                let looks_only = true;
+                return Ok(Target { name, looks_only });
             }
             Some(_) => {
                 let why = "this is another learner's";
@@ -227,18 +219,8 @@ impl FromRequestParts<Arc<Class>> for Target {
         if name != TEACHER && !state.members.learners.contains_key(&name) {
             return Err(unknown_name());
         }
-        let may_change = true;
-        Ok(Target { name, may_change })
-    }
-}
-
-impl Target {
-    /// The workspace, for a request that changes something in it.
-    fn changeable(self) -> Result<String, Refusal> {
-        if self.may_change {
-            return Ok(self.name);
-        }
-        Err(Refusal::new(StatusCode::FORBIDDEN, "you may only look"))
+        let looks_only = false;
+        Ok(Target { name, looks_only })
     }
 }
 
@@ -263,7 +245,7 @@ async fn join(
     joined.map_err(|error| Refusal::new(StatusCode::FORBIDDEN, error.to_string()))?;
     let cookie = http::set_cookie(COOKIE, &cookie, COOKIE_AGE, &headers);
     let cookie = cookie.unwrap_or(HeaderValue::from_static(""));
-    Ok(([(header::SET_COOKIE, cookie)], Json(json!({}))).into_response())
+    Ok([(header::SET_COOKIE, cookie)].into_response())
 }
 
 async fn me(State(class): Shared, caller: Caller) -> Json<Option<Value>> {
@@ -282,9 +264,7 @@ struct Presence {
 }
 
 impl Presence {
-    fn new(class: Arc<Class>, view: &Value) -> Presence {
-        let name = view["name"].as_str().filter(|_| view["admitted"] == true);
-        let name = name.unwrap_or_default().to_owned();
+    fn new(class: Arc<Class>, name: String) -> Presence {
         if let Some(member) = class.change().member(&name) {
             member.pages += 1;
             member.act(Instant::now());
@@ -304,39 +284,46 @@ impl Drop for Presence {
     }
 }
 
-/// Sends a page its state, as long as it may see any.
+/// Sends a page its state, as long as it is there and may see any.
 async fn follow(class: Arc<Class>, caller: Caller, mut socket: WebSocket) {
     let mut changed = class.changed.subscribe();
     let mut sent = Value::Null;
     let mut presence: Option<Presence> = None;
-    while let Some(view) = class.view(&caller, Instant::now()) {
-        let name = view["name"].as_str().filter(|_| view["admitted"] == true);
-        if let Some(name) = name
-            && presence.as_ref().is_none_or(|one| one.name != name)
-        {
-            presence = Some(Presence::new(class.clone(), &view));
+    let mut ping = every(PING);
+    let mut heard = Instant::now();
+    while let Some(view) = class.view(&caller, Instant::now())
+        && heard.elapsed() < SILENCE_TIMEOUT
+    {
+        if presence.is_none() && view["admitted"] == true {
+            let name = view["name"].as_str().unwrap_or_default().to_owned();
+            presence = Some(Presence::new(class.clone(), name));
         }
-        let message = if view == sent {
-            Message::Ping(Default::default())
-        } else {
-            Message::Text(view.to_string().into())
-        };
+        if view != sent {
+            let message = Message::Text(view.to_string().into());
+            if !send(&mut socket, message).await {
+                return;
+            }
+        }
         sent = view;
-        if !matches!(
-            timeout(SEND_TIMEOUT, socket.send(message)).await,
-            Ok(Ok(()))
-        ) {
-            return;
-        }
         sleep(STATE_PAUSE).await;
         tokio::select! {
-            _ = changed.changed() => {}
-            () = sleep(PING) => {}
-            message = socket.recv() => if !matches!(message, Some(Ok(_))) {
+            biased;
+            message = socket.recv() => match message {
+                Some(Ok(_)) => heard = Instant::now(),
+                _ => return,
+            },
+            _ = ping.tick() => if !send(&mut socket, Message::Ping(Default::default())).await {
                 return;
             },
+            _ = changed.changed() => {}
         }
     }
+}
+
+/// Returns whether the page has taken the message.
+async fn send(socket: &mut WebSocket, message: Message) -> bool {
+    let sent = timeout(SEND_TIMEOUT, socket.send(message)).await;
+    matches!(sent, Ok(Ok(())))
 }
 
 #[derive(Deserialize)]
@@ -365,7 +352,7 @@ async fn script(
         .map_or("", |lesson| lesson.starter);
     let starter = if which.blocks { "" } else { starter };
     let read = class.block(move |class| class.files.read(&target.name, &file));
-    let text = read.await?.map_err(internal)?;
+    let text = read.await?;
     Ok(Json(text.unwrap_or_else(|| Text {
         text: starter.to_owned(),
         version: String::new(),
@@ -388,7 +375,7 @@ async fn write_script(
     Query(which): Query<Which>,
     Json(new): Json<NewText>,
 ) -> Reply<Response> {
-    let name = target.changeable()?;
+    let name = target.name;
     let file = which.file(&class)?;
     if new.text.len() > MAX_TEXT {
         let why = "this text is too long: at most 256 KiB";
@@ -397,7 +384,7 @@ async fn write_script(
     let now = Instant::now();
     let writer = name.clone();
     let script = format!("{}.lua", which.lesson);
-    let write = move |class: &Class| {
+    let write = move |class: &Class| -> std::io::Result<Written> {
         if new.keep {
             class.files.keep(&writer, &script)?;
         }
@@ -405,7 +392,7 @@ async fn write_script(
             .files
             .write(&writer, &file, &new.text, &new.version, now)
     };
-    let written = class.block(write).await?.map_err(internal)?;
+    let written = class.block(write).await?;
     let mut edits = 0;
     if let Some(member) = class.change().member(&name) {
         member.act(now);
@@ -421,28 +408,12 @@ async fn write_script(
     })
 }
 
-async fn run(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
-    start(state, target, order, true).await
-}
-
-async fn reset(state: Shared, target: Target, order: Json<RunOrder>) -> Reply {
-    start(state, target, order, false).await
-}
-
-async fn start(
-    State(class): Shared,
-    target: Target,
-    Json(order): Json<RunOrder>,
-    script: bool,
-) -> Reply {
-    let name = target.changeable()?;
-    class.start(&name, order, script).await?;
-    Ok(Json(json!({})))
+async fn run(State(class): Shared, target: Target, Json(order): Json<RunOrder>) -> Reply {
+    class.start(&target.name, order).await
 }
 
 async fn stop(State(class): Shared, target: Target) -> Reply {
-    class.stop(&target.changeable()?).await?;
-    Ok(Json(json!({})))
+    class.stop(&target.name).await
 }
 
 #[derive(Deserialize)]
@@ -451,46 +422,48 @@ struct CheckOrder {
     lesson: String,
 }
 
-async fn check(State(class): Shared, target: Target, Json(order): Json<CheckOrder>) -> Reply {
-    let name = target.changeable()?;
+async fn check(
+    State(class): Shared,
+    target: Target,
+    Json(order): Json<CheckOrder>,
+) -> Reply<Json<Value>> {
     // In a task of its own: it goes on when the page is closed.
-    let checking = tokio::spawn(async move { class.check(&name, &order.lesson).await });
+    let checking = tokio::spawn(async move { class.check(&target.name, &order.lesson).await });
     checking.await.map_err(internal)?.map(Json)
 }
 
 /// The camera, the map and the log of a run: the WebSocket of the live page.
 async fn live(State(class): Shared, target: Target, request: Request) -> Reply<Response> {
+    let mut closed = CancellationToken::new();
     let socket = {
         let state = class.state.lock();
+        if target.looks_only {
+            closed = state.screen.clone();
+        }
         let run = state.runs.get(&target.name).ok_or_else(no_run)?;
         run.child.socket()
     };
-    let never = CancellationToken::new();
-    Ok(pass_on(&socket, "/live", target.may_change, never, request).await)
+    Ok(pass_on(&socket, target.looks_only, closed, request).await)
 }
 
 async fn turn(State(class): Shared, target: Target, Json(Switch { on }): Json<Switch>) -> Reply {
-    class.want_turn(&target.changeable()?, on, Instant::now())?;
-    Ok(Json(json!({})))
+    class.want_turn(&target.name, on, Instant::now())
 }
 
 async fn turn_run(State(class): Shared, target: Target, Json(order): Json<RunOrder>) -> Reply {
-    class.start_turn(&target.changeable()?, order).await?;
-    Ok(Json(json!({})))
+    class.start_turn(&target.name, order).await
 }
 
 async fn turn_stop(State(class): Shared, target: Target) -> Reply {
-    let name = target.changeable()?;
-    class.change().robots.halt(&name).map_err(conflict)?;
-    Ok(Json(json!({})))
+    Ok(class.change().robots.halt(&target.name)?)
 }
 
 /// What the driver of a real robot sees, until the turn is over: a viewer cannot drive by hand nor
 /// release STOP.
 async fn turn_live(State(class): Shared, target: Target, request: Request) -> Reply<Response> {
     let driver = class.state.lock().robots.of_driver(&target.name);
-    let (socket, turn_over) = driver.ok_or_else(|| conflict(TurnError::NoTurn))?;
-    Ok(pass_on(&socket, "/live", false, turn_over, request).await)
+    let (socket, turn_over) = driver.ok_or(TurnError::NoTurn)?;
+    Ok(pass_on(&socket, true, turn_over, request).await)
 }
 
 #[derive(Deserialize)]
@@ -499,38 +472,30 @@ struct Minutes {
     minutes: u64,
 }
 
-async fn minutes(State(class): Shared, _: Teacher, Json(new): Json<Minutes>) -> Reply {
-    let set = class.change().robots.queue.set_minutes(new.minutes);
-    set.map_err(|error| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()))?;
-    Ok(Json(json!({})))
+async fn minutes(State(class): Shared, Json(new): Json<Minutes>) -> Reply {
+    Ok(class.change().robots.queue.set_minutes(new.minutes)?)
 }
 
 async fn stop_robot(
     State(class): Shared,
-    _: Teacher,
     Path(robot): Path<String>,
     Json(Switch { on }): Json<Switch>,
 ) -> Reply {
-    class.stop_robot(&robot, on).await?;
-    Ok(Json(json!({})))
+    class.stop_robot(&robot, on).await
 }
 
 async fn robot_live(
     State(class): Shared,
-    _: Teacher,
     Path(robot): Path<String>,
     request: Request,
 ) -> Reply<Response> {
-    let socket = class.state.lock().robots.socket(&robot);
-    let never = CancellationToken::new();
-    Ok(pass_on(
-        &socket.ok_or_else(no_robot)?,
-        "/live",
-        false,
-        never,
-        request,
-    )
-    .await)
+    let socket = {
+        let state = class.state.lock();
+        let index = state.robots.queue.find(&robot);
+        index.and_then(|index| state.robots.socket(index))
+    };
+    let socket = socket.ok_or_else(no_robot)?;
+    Ok(pass_on(&socket, true, CancellationToken::new(), request).await)
 }
 
 #[derive(Deserialize)]
@@ -540,7 +505,11 @@ struct Marked {
     lesson: String,
 }
 
-async fn marks(State(class): Shared, target: Target, Json(marked): Json<Marked>) -> Reply {
+async fn marks(
+    State(class): Shared,
+    target: Target,
+    Json(marked): Json<Marked>,
+) -> Reply<Json<Value>> {
     let place = class.place(&marked.lesson)?;
     {
         let mut state = class.state.lock();
@@ -550,32 +519,32 @@ async fn marks(State(class): Shared, target: Target, Json(marked): Json<Marked>)
     }
     let _permit = class.inspections.acquire().await.map_err(internal)?;
     let file = class.files.of(&target.name).join(format!("{place}.lua"));
-    let found = class
-        .block(move |class| (class.tools.marks)(&marked.text, &file))
-        .await?;
-    found.map(Json).map_err(internal)
+    let found = class.block(move |class| (class.tools.marks)(&marked.text, &file));
+    found.await.map(Json)
 }
 
 /// The table of the API for the editor.
 async fn completions() -> Json<Value> {
+    let entry = |name: &str, kind: &str, signature: &str, doc: &str| json!({ "name": name, "kind": kind, "signature": signature, "doc": doc });
     let function = |one: &api::Function| {
         let kind = if one.is_method() {
             "method"
         } else {
             "function"
         };
-        json!({ "name": one.path, "kind": kind, "signature": one.signature(), "doc": one.doc })
+        entry(one.path, kind, &one.signature(), one.doc)
     };
     let of_modules = api::modules().flat_map(|module| module.functions);
     let functions = api::functions().chain(api::methods()).chain(of_modules);
-    let mut all: Vec<Value> = functions.map(function).collect();
-    all.extend(api::constants().map(
-        |one| json!({ "name": one.path, "kind": "constant", "signature": one.path, "doc": one.doc }),
-    ));
-    all.extend(api::events().map(
-        |one| json!({ "name": one.name, "kind": "event", "signature": one.name, "doc": one.doc }),
-    ));
-    Json(all.into())
+    let constants = api::constants().map(|one| entry(one.path, "constant", one.path, one.doc));
+    let events = api::events().map(|one| entry(one.name, "event", one.name, one.doc));
+    Json(
+        functions
+            .map(function)
+            .chain(constants)
+            .chain(events)
+            .collect(),
+    )
 }
 
 async fn lessons(State(class): Shared, _: Target) -> Json<Value> {
@@ -599,13 +568,11 @@ struct Decision {
     admit: bool,
 }
 
-async fn admit(State(class): Shared, _: Teacher, Json(decision): Json<Decision>) -> Reply {
+async fn admit(State(class): Shared, Json(decision): Json<Decision>) -> Reply {
     if !class.change().members.decide(decision.id, decision.admit) {
-        let why = "this device does not wait any more";
-        return Err(Refusal::new(StatusCode::NOT_FOUND, why));
+        return Err(not_found("this device does not wait any more"));
     }
-    class.save().await?;
-    Ok(Json(json!({})))
+    class.save().await
 }
 
 #[derive(Deserialize)]
@@ -614,18 +581,18 @@ struct Name {
     name: String,
 }
 
-async fn dismiss(State(class): Shared, _: Teacher, Json(Name { name }): Json<Name>) -> Reply {
+async fn dismiss(State(class): Shared, Json(Name { name }): Json<Name>) -> Reply {
     {
         let mut state = class.change();
         if !state.members.dismiss(&name) {
             return Err(unknown_name());
         }
         state.end_run(&name);
+        std::mem::take(&mut state.screen).cancel();
         state.robots.queue.withdraw(&name);
         state.take_turns(Instant::now());
     }
-    class.save().await?;
-    Ok(Json(json!({})))
+    class.save().await
 }
 
 #[derive(Deserialize)]
@@ -634,23 +601,13 @@ struct Switch {
     on: bool,
 }
 
-async fn freeze(
-    State(class): Shared,
-    _: Teacher,
-    Json(Switch { on }): Json<Switch>,
-) -> Json<Value> {
-    class.freeze(on);
-    Json(json!({}))
-}
-
-async fn show(State(class): Shared, _: Teacher, Json(Switch { on }): Json<Switch>) -> Json<Value> {
-    class.change().shown = on;
-    Json(json!({}))
-}
-
-async fn lock(State(class): Shared, _: Teacher, Json(Switch { on }): Json<Switch>) -> Json<Value> {
-    class.change().locked = on;
-    Json(json!({}))
+/// Something that the teacher switches on and off.
+fn switch(set: fn(&mut super::State, bool)) -> MethodRouter<Arc<Class>> {
+    post(
+        move |class: Shared, Json(Switch { on }): Json<Switch>| async move {
+            set(&mut class.change(), on);
+        },
+    )
 }
 
 #[derive(Deserialize)]
@@ -659,13 +616,13 @@ struct ForAll {
     name: Option<String>,
 }
 
-async fn lesson_for_all(State(class): Shared, _: Teacher, Json(all): Json<ForAll>) -> Reply {
+async fn lesson_for_all(State(class): Shared, Json(all): Json<ForAll>) -> Reply {
     let lesson = all.name.map(|name| class.place(&name)).transpose()?;
     class.change().lesson = lesson;
-    Ok(Json(json!({})))
+    Ok(())
 }
 
-async fn points(State(class): Shared, _: Teacher) -> impl IntoResponse {
+async fn points(State(class): Shared) -> impl IntoResponse {
     let headers = [
         (header::CONTENT_TYPE, "text/csv; charset=utf-8"),
         (
@@ -677,7 +634,7 @@ async fn points(State(class): Shared, _: Teacher) -> impl IntoResponse {
 }
 
 /// The learners' link with the class word as a QR code: rows of `0` and `1`.
-async fn qr(State(class): Shared, _: Teacher) -> Reply {
+async fn qr(State(class): Shared) -> Reply<Json<Value>> {
     let link = format!("{}#{}", class.link, class.word.replace(' ', "-"));
     let code = QrCode::with_error_correction_level(&link, EcLevel::M).map_err(internal)?;
     let dark = |colour: Color| if colour == Color::Dark { '1' } else { '0' };

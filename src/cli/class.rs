@@ -110,20 +110,18 @@ fn robots(args: &ClassArgs, settings: &CommandSettings) -> Result<Vec<RobotSetup
     // A wrong password is said now.
     args.login.login(settings.load()?)?;
     let folder = std::path::absolute(&args.folder).map_err(Failure::internal)?;
+    let password = args.login.password_file.as_deref();
+    let flags: [(&str, Option<&OsStr>); 3] = [
+        ("--config", settings.file().map(Path::as_os_str)),
+        ("--user", args.login.user.as_deref().map(OsStr::new)),
+        ("--password-file", password.map(Path::as_os_str)),
+    ];
     let mut common: Vec<OsString> = vec!["class".into()];
-    let mut add = |flag: &str, value: Option<&OsStr>| {
-        common.extend(
-            value
-                .into_iter()
-                .flat_map(|value| [flag.into(), value.to_owned()]),
-        );
-    };
-    add("--config", settings.file().map(Path::as_os_str));
-    add("--user", args.login.user.as_deref().map(OsStr::new));
-    add(
-        "--password-file",
-        args.login.password_file.as_deref().map(Path::as_os_str),
-    );
+    for (flag, value) in flags {
+        if let Some(value) = value {
+            common.extend([flag.into(), value.to_owned()]);
+        }
+    }
     let setup = |name: String, robot: &[OsString]| {
         let data = Setup::robot_folder(&folder, &name);
         let agent: [OsString; 2] = ["--agent-in".into(), data.clone().into()];

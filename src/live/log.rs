@@ -41,6 +41,9 @@ pub struct Line {
     pub line: Option<u64>,
     /// The text.
     pub text: String,
+    /// Whether the log for later viewers begins with it.
+    #[serde(skip)]
+    begins: bool,
 }
 
 /// A tracing layer that copies log lines for the page.
@@ -56,6 +59,8 @@ pub fn tap() -> Option<mpsc::Receiver<Line>> {
 /// The module that logs lights and sounds. A patrol switches its light at every picture: of 4,196
 /// lines, most were of these. The page draws them instead, and a service's log leaves them out.
 pub const LIGHTS_AND_SOUNDS: &str = "spykee::pilot::status";
+/// The target of a line with which the log begins anew: later viewers see nothing from before it.
+pub const LOG_BEGINS: &str = "spykee::log_begins";
 
 impl<S: Subscriber> Layer<S> for LogTap {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
@@ -67,7 +72,8 @@ impl<S: Subscriber> Layer<S> for LogTap {
         }
         let mut fields = EventFields::default();
         event.record(&mut fields);
-        let line = Line::new(fields, *event.metadata().level());
+        let mut line = Line::new(fields, *event.metadata().level());
+        line.begins = event.metadata().target() == LOG_BEGINS;
         if lines.try_send(line).is_err() {
             DROPPED.fetch_add(1, Ordering::Relaxed);
         }
@@ -120,6 +126,7 @@ impl Line {
             behaviour: None,
             line: None,
             text: event.message.unwrap_or_default(),
+            begins: false,
         };
         for EventField { name, value, .. } in event.fields {
             match name {
@@ -171,6 +178,7 @@ impl LogBuffer {
                     behaviour: None,
                     line: None,
                     text,
+                    begins: false,
                 });
             }
         }
@@ -179,7 +187,9 @@ impl LogBuffer {
 
     fn write(&self, line: Line) {
         let mut kept = self.kept.lock();
-        if kept.len() == KEPT {
+        if line.begins {
+            kept.clear();
+        } else if kept.len() == KEPT {
             kept.pop_front();
         }
         kept.push_back(line.clone());
@@ -205,6 +215,7 @@ mod tests {
             behaviour: None,
             line: None,
             text: text.to_owned(),
+            begins: false,
         }
     }
 
@@ -219,6 +230,12 @@ mod tests {
         let lagged = slow.try_recv().unwrap_err();
         let missed = (KEPT + 7 - BEHIND) as u64;
         assert_eq!(lagged, broadcast::error::TryRecvError::Lagged(missed));
+        let begins = Line {
+            begins: true,
+            ..line("of another person")
+        };
+        log_buffer.write(begins.clone());
+        assert_eq!(log_buffer.read().0, [begins]);
     }
 
     #[test]

@@ -7,8 +7,9 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal};
 use serde_json::{Value, json};
 use tokio::time::{sleep, timeout};
+use tokio_util::task::AbortOnDropHandle;
 
-use crate::live::browser::{Page, ask, send};
+use crate::live::browser::{Page, Received, ask, send};
 use crate::rig::{Rig, Run, WAIT_LIMIT, children_of, end_guardians, moves, run_in, state_of};
 
 const LESSON: &str = "03-moving";
@@ -146,20 +147,47 @@ impl Class {
         page.unwrap()
     }
 
-    /// A learner whose turn it is on the real robot, with the page.
-    async fn driver(&self, name: &str) -> (String, Page) {
+    /// The page of somebody who is there until this is dropped.
+    async fn here(&self, who: &str) -> AbortOnDropHandle<()> {
+        let mut page = self.page(who).await;
+        AbortOnDropHandle::new(tokio::spawn(async move {
+            while !matches!(page.receive().await, Received::Closed) {}
+        }))
+    }
+
+    /// A learner who is there and waits for a turn on the real robot.
+    async fn waits(&self, name: &str) -> (String, AbortOnDropHandle<()>) {
         let who = self.learner(name).await;
         self.write(&who, DRIVES).await;
-        let mut page = self.page(&who).await;
+        let here = self.here(&who).await;
         self.ok(&who, "POST /class/turn", json!({ "on": true }))
             .await;
-        has_turn(&mut page).await;
-        (who, page)
+        (who, here)
+    }
+
+    /// A learner whose turn it is on the real robot.
+    async fn driver(&self, name: &str) -> (String, AbortOnDropHandle<()>) {
+        let (who, here) = self.waits(name).await;
+        self.until(&who, has_turn).await;
+        (who, here)
     }
 
     async fn drive(&self, who: &str) {
         let order = json!({ "lesson": LESSON });
         self.ok(who, "POST /class/turn/run", order).await;
+    }
+
+    async fn end_turn(&self, who: &str) {
+        self.ok(who, "POST /class/turn", json!({ "on": false }))
+            .await;
+    }
+
+    /// The messages of a run's page, with the log.
+    async fn log(&self, who: &str, base: &str) -> Page {
+        let page = Page::open_at(&self.address, &format!("{base}/live"), who).await;
+        let mut page = page.unwrap();
+        page.send_text("{\"type\":\"watch\",\"log\":true}").await;
+        page
     }
 
     /// What the teacher switches.
@@ -193,9 +221,12 @@ impl Drop for Class {
     }
 }
 
-async fn has_turn(page: &mut Page) {
-    page.until("state", |state| !state["turns"]["turn"].is_null())
-        .await;
+fn has_turn(state: &Value) -> bool {
+    !state["turns"]["turn"].is_null()
+}
+
+fn waits_first(state: &Value) -> bool {
+    state["turns"]["place"] == 1
 }
 
 /// Whether the learner's script on the real robot has ended, and the robot stands.
@@ -368,6 +399,23 @@ async fn a_run_that_loops_hoards_or_floods_ends_alone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_run_of_blocks_tells_which_line_runs() {
+    let class = Class::start().await;
+    let ada = class.learner("Ada").await;
+    let text = "local easy = require(\"@spykee/easy\")\n\nwhile true do\n\teasy.left(10)\n\n\
+                \tif true then\n\t\teasy.wait(0.1)\n\tend\nend\n";
+    class.write(&ada, text).await;
+    let order = json!({ "lesson": LESSON, "blocks": true });
+    class.ok(&ada, "POST /class/run", order).await;
+    let mut page = class.log(&ada, "/class").await;
+    for line in ["4", "7", "4"] {
+        let is_it = |one: &Value| one["text"] == line && one["behaviour"] == LESSON;
+        let runs = |log: &Value| log["lines"].as_array().unwrap().iter().any(is_it);
+        page.until("log", runs).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_check_gives_points_that_stay_and_grade_finds_the_files() {
     let class = Class::start().await;
     let ada = class.learner("Ada").await;
@@ -428,7 +476,7 @@ async fn the_teachers_screen_can_be_seen_by_all_and_changed_by_none() {
             .0,
         403
     );
-    for what in ["run", "reset", "stop", "check"] {
+    for what in ["run", "stop", "check"] {
         let line = format!("POST /class/of/teacher/{what}");
         assert_eq!(
             class.ask(&ada, &line, json!({ "lesson": LESSON })).await.0,
@@ -440,6 +488,7 @@ async fn the_teachers_screen_can_be_seen_by_all_and_changed_by_none() {
         .ok(&class.teacher, "POST /class/show", json!({ "on": false }))
         .await;
     assert_eq!(class.ask(&ada, &shown, Value::Null).await.0, 403);
+    page.closed().await;
 }
 
 /// The requests of `tests/hostile/class.txt`.
@@ -448,7 +497,7 @@ async fn no_learner_reaches_anothers_things_or_the_teachers_rights() {
     let rig = Rig::quiet().await;
     let class = Class::with_robot(&rig).await;
     let ada = class.learner("Ada").await;
-    let (bo, _page) = class.driver("Bo").await;
+    let (bo, _here) = class.driver("Bo").await;
     class.drive(&bo).await;
     let eve = class.join("Eve").await;
     class.write(&ada, "-- Ada").await;
@@ -503,15 +552,9 @@ async fn no_learner_reaches_anothers_things_or_the_teachers_rights() {
 async fn a_turn_drives_the_real_robot_and_ends_with_its_stop_before_the_next_begins() {
     let rig = Rig::quiet().await;
     let class = Class::with_robot(&rig).await;
-    let (ada, _page) = class.driver("Ada").await;
-    let bo = class.learner("Bo").await;
-    class.write(&bo, DRIVES).await;
-    let mut bo_page = class.page(&bo).await;
-    class
-        .ok(&bo, "POST /class/turn", json!({ "on": true }))
-        .await;
-    let waits = |state: &Value| state["turns"]["place"] == 1;
-    bo_page.until("state", waits).await;
+    let (ada, _here) = class.driver("Ada").await;
+    let (bo, here) = class.waits("Bo").await;
+    class.until(&bo, waits_first).await;
     class.drive(&ada).await;
     let moving = rig.heard_motion(0).await;
     let mut robot = class.robot(&ada, "/class/turn").await;
@@ -523,12 +566,10 @@ async fn a_turn_drives_the_real_robot_and_ends_with_its_stop_before_the_next_beg
         .until("notice", |notice| notice["key"] == "viewer_only")
         .await;
     // The learner ends the turn early: the robot stands, and what was seen of it is closed.
-    class
-        .ok(&ada, "POST /class/turn", json!({ "on": false }))
-        .await;
+    class.end_turn(&ada).await;
     let stopped = rig.heard_stop(moving).await;
     robot.closed().await;
-    has_turn(&mut bo_page).await;
+    class.until(&bo, has_turn).await;
     class.drive(&bo).await;
     let moving = rig.heard_motion(stopped).await;
     class.ok(&bo, "POST /class/turn/stop", Value::Null).await;
@@ -541,11 +582,11 @@ async fn a_turn_drives_the_real_robot_and_ends_with_its_stop_before_the_next_beg
             .to_string()
             .contains("of Bo")
     };
-    bo_page.until("state", failed).await;
+    class.until(&bo, failed).await;
     class.write(&bo, DRIVES).await;
     class.drive(&bo).await;
     let moving = rig.heard_motion(stopped).await;
-    drop(bo_page);
+    drop(here);
     rig.heard_stop(moving).await;
     rig.stands_still().await;
 }
@@ -554,7 +595,7 @@ async fn a_turn_drives_the_real_robot_and_ends_with_its_stop_before_the_next_beg
 async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets_go() {
     let rig = Rig::quiet().await;
     let class = Class::with_robot(&rig).await;
-    let (ada, mut page) = class.driver("Ada").await;
+    let (ada, _here) = class.driver("Ada").await;
     class.drive(&ada).await;
     let moving = rig.heard_motion(0).await;
     class.switch("freeze", true).await;
@@ -573,12 +614,11 @@ async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets
     let refused = class.ask(&ada, "POST /class/turn/run", order).await;
     assert_eq!(refused.0, 409, "{}", refused.1);
     // The rest of the turn is given back, and comes first.
-    page.until("state", |state| state["turns"]["place"] == 1)
-        .await;
+    class.until(&ada, waits_first).await;
     rig.stands_still().await;
     assert!(!rig.commands(stopped).iter().any(moves));
     class.switch(&stop, false).await;
-    has_turn(&mut page).await;
+    class.until(&ada, has_turn).await;
     class.drive(&ada).await;
     rig.heard_motion(stopped).await;
 }
@@ -587,7 +627,7 @@ async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets
 async fn the_robot_stands_when_its_agent_or_the_server_is_killed() {
     let rig = Rig::quiet().await;
     let class = Class::with_robot(&rig).await;
-    let (ada, mut page) = class.driver("Ada").await;
+    let (ada, _here) = class.driver("Ada").await;
     class.drive(&ada).await;
     let moving = rig.heard_motion(0).await;
     let agents = children_of(class.server.pid());
@@ -595,7 +635,8 @@ async fn the_robot_stands_when_its_agent_or_the_server_is_killed() {
     rustix::process::kill_process(agents[0], Signal::KILL).unwrap();
     let stopped = rig.heard_stop(moving).await;
     // Another agent takes its place.
-    page.until("state", |state| state["turns"]["turn"]["number"] == 2)
+    class
+        .until(&ada, |state| state["turns"]["turn"]["number"] == 2)
         .await;
     class.drive(&ada).await;
     let moving = rig.heard_motion(stopped).await;
@@ -610,31 +651,108 @@ async fn the_robot_stands_when_its_agent_or_the_server_is_killed() {
 async fn a_low_robot_goes_home_whoever_drives_and_comes_back_when_it_is_charged() {
     let rig = Rig::near_home().await;
     let class = Class::with_robot(&rig).await;
-    let (ada, mut page) = class.driver("Ada").await;
+    let (ada, _here) = class.driver("Ada").await;
     class.drive(&ada).await;
     let moving = rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);
     let docks = rig.heard_dock(moving).await;
     class.robot_is(&["going_home", "charging"]).await;
-    page.until("state", |state| state["turns"]["place"] == 1)
-        .await;
+    class.until(&ada, waits_first).await;
     class.robot_is(&["charging"]).await;
     rig.sim.set_battery(59.0);
     let level = |wall: &Value| wall["robots"]["robots"][0]["percent"].as_u64() >= Some(59);
     class.until(&class.teacher, level).await;
     assert!(!rig.commands(docks).iter().any(moves));
     rig.sim.set_battery(90.0);
-    has_turn(&mut page).await;
+    class.until(&ada, has_turn).await;
     // It leaves its station by itself.
     class.drive(&ada).await;
     rig.heard_motion(docks).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_driver_sees_nothing_of_the_turn_before() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, _ada_here) = class.driver("Ada").await;
+    let (bo, _bo_here) = class.waits("Bo").await;
+    class.write(&ada, "print('of Ada') error('of Ada')").await;
+    class.drive(&ada).await;
+    let failed = |state: &Value| {
+        let error = &state["turns"]["turn"]["error"];
+        error.to_string().contains("of Ada")
+    };
+    class.until(&ada, failed).await;
+    let is_hers = |log: &Value| log.to_string().contains("of Ada");
+    let mut page = class.log(&ada, "/class/turn").await;
+    page.until("log", is_hers).await;
+    class.end_turn(&ada).await;
+    class.until(&bo, has_turn).await;
+    let mut page = class.log(&bo, "/class/turn").await;
+    let first = page.until("log", |_| true).await;
+    assert!(!is_hers(&first), "{first}");
+    let list = page.until("behaviours", |_| true).await;
+    assert!(!is_hers(&list), "{list}");
+    // What the agent tells next is not about that script either.
+    rig.sim.set_battery(80.0);
+    let level = |wall: &Value| wall["robots"]["robots"][0]["percent"] == 80;
+    class.until(&class.teacher, level).await;
+    let state = class.state(&bo).await;
+    assert_eq!(state["turns"]["turn"]["error"], Value::Null, "{state}");
+    class.write(&bo, "print('of Bo')").await;
+    class.drive(&bo).await;
+    page.until("log", |log| log.to_string().contains("of Bo"))
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_while_the_agent_restarts_holds_as_soon_as_it_is_back() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, _here) = class.driver("Ada").await;
+    class.drive(&ada).await;
+    let moving = rig.heard_motion(0).await;
+    let agents = children_of(class.server.pid());
+    rustix::process::kill_process(agents[0], Signal::KILL).unwrap();
+    class.robot_is(&["disconnected"]).await;
+    let stop = format!("robots/{}/stop", name_of(&rig));
+    class.switch(&stop, true).await;
+    let wall = class.state(&class.teacher).await;
+    let robot = &wall["robots"]["robots"][0];
+    let waits = robot["state"] == "stop_waits" && robot["stopped"] == true;
+    assert!(waits, "{robot}");
+    class.robot_is(&["stopped"]).await;
+    let stopped = rig.heard_stop(moving).await;
+    let order = json!({ "lesson": LESSON });
+    let refused = class.ask(&ada, "POST /class/turn/run", order).await;
+    assert_eq!(refused.0, 409, "{}", refused.1);
+    rig.stands_still().await;
+    assert!(!rig.commands(stopped).iter().any(moves));
+    class.switch(&stop, false).await;
+    class.until(&ada, has_turn).await;
+    class.drive(&ada).await;
+    rig.heard_motion(stopped).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_of_a_page_that_has_fallen_silent_stands() {
+    let rig = Rig::quiet().await;
+    let class = Class::with_robot(&rig).await;
+    let (ada, here) = class.driver("Ada").await;
+    // Answers no ping, as one whose tablet has left the network.
+    let _silent = class.page(&ada).await;
+    drop(here);
+    class.drive(&ada).await;
+    rig.heard_motion(0).await;
+    class.robot_is(&["turn"]).await;
+    rig.stands_still().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn simulated_robots_take_the_place_of_real_ones() {
     let folder = tempfile::tempdir().unwrap();
     let class = Class::start_with(folder, &["--sim", "2"]).await;
-    let (ada, _page) = class.driver("Ada").await;
+    let (ada, _here) = class.driver("Ada").await;
     class.drive(&ada).await;
     let mut robot = class.robot(&ada, "/class/turn").await;
     let moves = |state: &Value| state["tracks"] == json!([30, -30]);

@@ -33,11 +33,11 @@ export function robot(showLine = () => {}) {
       return;
     }
     shown = now;
+    none.hidden = now !== "";
+    panels.hidden = now === "";
     if (now === "") {
       return connection.close();
     }
-    none.hidden = true;
-    panels.hidden = false;
     connection.reopen(base);
   }
 

@@ -14,7 +14,7 @@ export function robots(post, nameOf) {
     id: "turn-minutes", type: "number", min: 1, max: 30, required: true,
     onchange: () => length.reportValidity() && post("minutes", { minutes: Number(length.value) }),
   });
-  const element = h("section", { class: "card", "aria-labelledby": "robots-title", hidden: true },
+  const element = h("section", { class: "card real-robots", "aria-labelledby": "robots-title", hidden: true },
     h("div", { class: "head" }, h("h2", { id: "robots-title" }, t("real_robots")),
       h("span", { class: "row" }, h("label", { for: "turn-minutes" }, t("turn_minutes")), length)),
     h("div", { class: "fleet" }, cards, h("div", {}, h("h3", {}, t("queue")), nobody, queue)));

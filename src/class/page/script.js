@@ -93,8 +93,9 @@ export async function script({ base = "/class", has, readOnly = false, label, no
   }
 
   async function load() {
-    const answer = await fetchJson(path());
-    if (answer.ok && !dirty) {
+    const asked = path();
+    const answer = await fetchJson(asked);
+    if (answer.ok && !dirty && asked === path()) {
       show(answer);
     }
   }
@@ -106,9 +107,12 @@ export async function script({ base = "/class", has, readOnly = false, label, no
   return {
     element, status, editor, save,
     get place() { return place; },
-    /** Opens the script of a lesson, after writing the one before. */
+    /** Opens the script of a lesson, after writing the one before; stays there if that cannot be written. */
     async open(next, nextBase = base) {
       await save();
+      if (dirty) {
+        return;
+      }
       [place, base, found, failure] = [next, nextBase, [], null];
       await load();
     },

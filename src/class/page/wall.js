@@ -36,12 +36,11 @@ async function wall(first) {
   };
   const fleet = robots(post, nameOf);
   const { banner, lost } = connectionBanner();
-  const toggle = (key, path) => {
-    const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => post(path, { on: button.getAttribute("aria-pressed") !== "true" }) }, t(key));
+  const toggle = (key, path, more = {}) => {
+    const button = h("button", { type: "button", "aria-pressed": "false", onclick: () => post(path, { on: button.getAttribute("aria-pressed") !== "true" }), ...more }, t(key));
     return button;
   };
-  const freeze = toggle("freeze", "freeze");
-  freeze.classList.add("freeze");
+  const freeze = toggle("freeze", "freeze", { class: "freeze" });
   const showMine = toggle("show_screen", "show");
   const lock = toggle("lock_free", "lock");
   const hide = h("button", {
@@ -85,7 +84,7 @@ async function wall(first) {
       view.show(null);
       return dialog.close();
     }
-    say(title, name);
+    say(title, nameOf(name));
     dialog.showModal();
     show(state);
   }
@@ -174,8 +173,7 @@ async function wall(first) {
       h("section", { class: "card invitation", "aria-label": t("class_join") }, qrCode(rows),
         h("div", {}, h("p", { class: "quiet" }, t("open_link")), h("p", { class: "figure" }, link.replace(/^http:\/\/|\/$/g, "")),
           h("p", { class: "quiet" }, t("word")), h("p", { class: "figure word" }, first.word))),
-      h("section", { "aria-label": t("wants_in"), "aria-live": "polite" }, waiting),
-      trouble, fleet.element, tiles),
+      fleet.element, h("section", { "aria-label": t("wants_in"), "aria-live": "polite" }, waiting), trouble, tiles),
     dialog);
   show(first);
   return { show, lost };

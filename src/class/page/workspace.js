@@ -48,7 +48,7 @@ function showCheck(element, check, checking) {
     return element.replaceChildren();
   }
   const rows = check.scenarios.map(({ name, points, max_points: most, message }) => h("li", { class: points === most ? "good" : "bad" },
-    h("strong", {}, `${points}/${most}`), ` ${name}`, message ? h("span", { class: "quiet" }, ` ${message}`) : null));
+    h("strong", {}, `${points}/${most}`), ` ${name}`, message && message !== check.sentence ? h("span", { class: "quiet" }, ` ${message}`) : null));
   element.replaceChildren(
     h("p", { class: check.passed ? "good" : "" }, h("strong", {}, t("points", { points: check.points, of: check.max_points })), ` ${check.sentence}`),
     h("ul", { class: "scenarios" }, ...rows));
@@ -84,7 +84,7 @@ async function workspace(first) {
   const [lesson, lessonField] = select("lesson", "lesson", [...lessons.map(({ name }) => [name, name]), [FREE, t("free_play")]], () => open(lesson.value));
   const [world, worldField] = select("world", "world", worlds.map((name) => [name, name]), () => {});
   const [speed, speedField] = select("speed", "sim_speed", [[1, "1x"], [0.5, "½x"], [0.25, "¼x"]], () => view.speed(Number(speed.value)));
-  const order = () => ({ lesson: own.place, speed: Number(speed.value), ...(own.place === FREE ? { world: world.value } : {}) });
+  const order = () => ({ lesson: own.place, speed: Number(speed.value), blocks: blocks !== null, ...(own.place === FREE ? { world: world.value } : {}) });
   async function act(what, body) {
     say(failure, "");
     await own.save();
@@ -94,7 +94,7 @@ async function workspace(first) {
   const turn = turns((what, body) => post(what, body, note), () => show(state));
   const run = button("run", () => act(turn.real ? "turn/run" : "run", order()), { class: "primary" });
   const stop = button("stop_script", () => act(turn.real ? "turn/stop" : "stop"), { title: t("stop_script_help") });
-  const reset = button("reset", () => act("reset", order()));
+  const reset = button("reset", () => act("run", { ...order(), stands: true }));
   const check = button("check", () => act("check", { lesson: own.place }));
   const toBlocks = button("blocks", () => openBlocks(null));
   const toText = button("to_text", closeBlocks, { hidden: true });
@@ -149,17 +149,20 @@ async function workspace(first) {
     own.element.inert = on;
   }
   view.connection.on("log", ({ lines }) => {
-    const line = lines.findLast((one) => one.behaviour && one.line)?.line;
-    if (blocks && line) {
-      blocks.highlight(line);
+    const line = lines.findLast(({ level, text }) => level === "debug" && /^\d+$/.test(text))?.text;
+    if (line) {
+      blocks?.highlight(Number(line));
     }
   });
 
   async function open(name) {
+    await own.open(name);
+    lesson.value = own.place;
+    if (own.place !== name) {
+      return;
+    }
     blocks?.dispose();
     blocks = null;
-    await own.open(name);
-    lesson.value = name;
     remember("class-lesson", name);
     worldField.hidden = name !== FREE;
     check.hidden = name === FREE;
@@ -179,7 +182,8 @@ async function workspace(first) {
     h("section", { class: "card code-card", "aria-label": t("script") }, blockArea, own.element,
       h("div", { class: "row" }, own.status, toBlocks, toText), failure, result, view.output),
     view.element);
-  const shownName = h("h2", {}, t("shown"));
+  const acts = h("div", { class: "row acts" }, run, stop, reset, check, speedField);
+  const shownName = h("h2", { role: "status" });
   const shownCode = h("div", { class: "work shown", hidden: true });
   const main = h("main", {}, turn.element, shownCode, columns);
   let screen = null;
@@ -189,10 +193,11 @@ async function workspace(first) {
     const on = now.shown && !now.teacher;
     if (on && !screen) {
       screen = { code: await script({ base: "/class/of/teacher", has: hasEditor, readOnly: true, label: t("shown") }), view: robot() };
-      shownCode.append(h("section", { class: "card" }, shownName, screen.code.element), screen.view.element);
+      shownCode.append(h("section", { class: "card code-card" }, shownName, screen.code.element, screen.view.output), screen.view.element);
     }
     shownCode.hidden = !on;
-    columns.hidden = on;
+    say(shownName, now.frozen ? `${t("shown")} · ${t("frozen")}` : t("shown"));
+    columns.hidden = acts.hidden = run.disabled = on;
     turn.element.hidden = on || !now.turns;
     if (screen && on && now.teacher_place) {
       if (screen.code.place !== now.teacher_place) {
@@ -228,9 +233,11 @@ async function workspace(first) {
       view.show(now.run);
     }
     stop.disabled = !(real ? real.runs : now.run.running);
+    if (stop.disabled) {
+      blocks?.highlight(null);
+    }
     reset.disabled = speed.disabled = real !== null;
     check.disabled = now.checking;
-    run.disabled = now.locked && own.place === FREE && !now.teacher;
     showCheck(result, now.check?.lesson === own.place ? now.check : null, now.checking);
     for (const option of lesson.options) {
       const points = now.points[option.value];
@@ -242,9 +249,10 @@ async function workspace(first) {
       note(t("lesson_for_all"));
     }
     given = now.lesson;
-    if (now.frozen && !now.teacher && !frozen.open) {
+    const stands = now.frozen && !now.teacher && !now.shown;
+    if (stands && !frozen.open) {
       frozen.showModal();
-    } else if (!now.frozen && frozen.open) {
+    } else if (!stands && frozen.open) {
       frozen.close();
     }
     showScreen(now);
@@ -252,8 +260,7 @@ async function workspace(first) {
 
   app.replaceChildren(
     h("header", {}, h("div", { class: "top" },
-      h("h1", {}, state.teacher ? t("teachers_workspace") : state.name), lessonField, worldField,
-      h("div", { class: "row acts" }, run, stop, reset, check, speedField),
+      h("h1", {}, state.teacher ? t("teachers_workspace") : state.name), lessonField, worldField, acts,
       state.teacher ? h("a", { href: "/wall" }, t("wall")) : null), banner),
     main, frozen, notice);
   given = state.lesson;
