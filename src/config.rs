@@ -17,7 +17,9 @@ use crate::clock::{Span, Zone};
 use crate::link::{self, Target};
 use crate::pilot::Settings;
 use crate::robot::Streams;
+use crate::safety::PowerMeaning;
 use crate::script::{self, Calibration};
+use crate::sim::{PowerReading, World};
 use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
 use crate::{files, http, journal, notify, safety, yaml};
@@ -246,6 +248,21 @@ impl Config {
             waits: false,
             streams: self.streams,
         }
+    }
+
+    /// Enters what `spykee doctor --first` would find out of the robot in this world, where the config
+    /// leaves it open; and its camera.
+    pub fn with_robot_of(mut self, world: &World) -> Config {
+        self.camera = world.camera.calibrated();
+        let calibration = &mut self.calibration;
+        if calibration.least_power == Calibration::default().least_power {
+            calibration.least_power = world.tracks.least_power();
+        }
+        let power = &mut self.watchdog.power;
+        if *power == PowerMeaning::Auto && world.battery.power == PowerReading::Voltage {
+            *power = PowerMeaning::Voltage;
+        }
+        self
     }
 
     /// The options of a script with this name; `chunk` is its file as messages show it.
