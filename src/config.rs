@@ -424,6 +424,29 @@ mod tests {
     }
 
     #[test]
+    fn a_simulated_robot_is_known_where_the_config_leaves_it_open() {
+        let world = |preset: &str| {
+            let text = format!(
+                "preset: {preset}\nroom: {{width: 4, depth: 4}}\n\
+                 station: {{at: [0, 2], heading_degrees: 0}}\n"
+            );
+            World::from_yaml(&text, "w.yaml").unwrap()
+        };
+        let genuine = Config::default().with_robot_of(&world("genuine"));
+        assert_eq!(genuine.watchdog.power, PowerMeaning::Voltage);
+        assert_eq!(genuine.calibration.least_power, 20.0);
+        assert!(genuine.camera.pitch > 0.0);
+        let exact = Config::default().with_robot_of(&world("exact"));
+        assert_eq!(exact.watchdog.power, PowerMeaning::Auto);
+        assert_eq!(exact.calibration.least_power, 5.0 / 90.0 * 100.0);
+        let text = "watchdog: { power: percent }\ncalibration: { least_power: 30 }\n";
+        let said = Config::parse(text, "spykee.yaml").unwrap();
+        let kept = said.with_robot_of(&world("genuine"));
+        assert_eq!(kept.watchdog.power, PowerMeaning::Percent);
+        assert_eq!(kept.calibration.least_power, 30.0);
+    }
+
+    #[test]
     fn all_sections_are_read() {
         let text = "robot: 172.17.6.1\nbehaviours:\n  - file: patrol.lua\n    priority: 3\n\
                 watchdog: { low: 25, host_silence: 0.5 }\n";

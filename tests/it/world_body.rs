@@ -200,6 +200,15 @@ fn a_robot_that_sees_no_obstacles_pushes_against_them_and_from_aside_needs_sever
 }
 
 #[test]
+fn a_robot_that_a_low_battery_makes_slow_comes_to_its_contacts_in_time() {
+    let tired = "start: {at: [4, 2]}\nbattery: {level: 15}\n\
+                 tracks: {response: {empty: 0.7, floor: 0.95}}";
+    let world = docking_world("docking: {sees_obstacles: false}", tired);
+    let home = dock_from(&world, Pose::new(2.0, 2.0, 3.1), 1);
+    assert!(home.charges && home.seconds < 40.0, "{}", home.seconds);
+}
+
+#[test]
 fn sunlight_dazzles_the_receivers() {
     let world = |share: &str| {
         docking_world(
