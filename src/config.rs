@@ -438,7 +438,7 @@ mod tests {
         assert!(genuine.camera.pitch > 0.0);
         let exact = Config::default().with_robot_of(&world("exact"));
         assert_eq!(exact.watchdog.power, PowerMeaning::Auto);
-        assert_eq!(exact.calibration.least_power, 5.0 / 90.0 * 100.0);
+        assert_eq!(exact.calibration.least_power, 5.6);
         let text = "watchdog: { power: percent }\ncalibration: { least_power: 30 }\n";
         let said = Config::parse(text, "spykee.yaml").unwrap();
         let kept = said.with_robot_of(&world("genuine"));

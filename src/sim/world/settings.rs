@@ -221,10 +221,12 @@ impl Default for TrackSettings {
 }
 
 impl TrackSettings {
-    /// Returns the least power that moves a track, percent, as its commands can express it.
+    /// Returns the least power that moves a track, percent, to one decimal: that of the least command
+    /// that does.
     pub fn least_power(&self) -> f64 {
         let full = f64::from(FULL_POWER);
-        (self.dead_zone / 100.0 * full).ceil() / full * 100.0
+        let least = (self.dead_zone / 100.0 * full).ceil() / full;
+        (1000.0 * least).ceil() / 10.0
     }
 }
 
