@@ -28,7 +28,6 @@ local BESIDE = { math.rad(20), math.rad(40) } -- views at these angles from a vi
 local REACH, NEW = 2, 1.5
 local STANDS = 1.5 -- seconds of driving without a change of the picture until it counts as held
 local MAX_HELD = 4 -- how often something may hold it on its way back
-local LEG = 8 -- seconds of driving between two searches for the station
 local SLOWEST = 10 -- seconds at most from one place of its path to the next
 local WAITS = 3 -- seconds that it waits for a person in its way
 
@@ -276,22 +275,8 @@ local function go_back()
 	robot.stop()
 end
 
--- Drives on after a search without success: towards the station if a picture of the search showed
--- it, otherwise to where there is room and no search has been made.
-local function go_on()
-	whereabouts.settle()
-	local view = whereabouts.station() or whereabouts.widest()
-	if view then
-		local bearing = view.bearing or 0
-		robot.turn(whereabouts.wrap(view.heading + bearing - whereabouts.heading()))
-	end
-	floor.drive_on(LEG, settings.speed)
-	whereabouts.follow()
-end
-
--- Comes home. The station's beacon has a limited range: where it is not received, the robot drives
--- on and searches again. During a search it turns round, and the pictures show everything around
--- it.
+-- Comes home. The station's beacon has a limited range: where it is not received, the robot looks for
+-- the station, drives nearer and searches again.
 local function come_home()
 	if distance(BEGINNING, robot.pose()) > HERE then
 		log.info("back the way I came")
@@ -300,14 +285,11 @@ local function come_home()
 	local home, code
 	for _ = 1, settings.places do
 		log.info("going home")
-		whereabouts.begin_watching()
-		local watching = robot.on("frame", whereabouts.watch)
 		home, code = robot.dock({ retries = 0 })
-		watching:off()
 		if home or code ~= "base_not_found" then
 			break
 		end
-		go_on()
+		station.drive_nearer()
 	end
 	assert(home, `could not dock: {code}`)
 end

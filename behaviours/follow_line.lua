@@ -2,8 +2,9 @@
 -- floor only from some distance on, so the robot remembers the points of the line that it has seen
 -- and steers to the nearest point that it has not reached yet. For tight bends, bend the head down.
 -- When there are no such points left, it turns to find the line again, first to the side where it
--- was last. After a full turn without a line, it stands still until it sees one. Up to a metre away,
--- the black foot of a station looks like black tape.
+-- was last; when it sees it, it stops before it measures where the line is. After a full turn without
+-- a line, it stands still until it sees one. Up to a metre away, the black foot of a station looks
+-- like black tape.
 
 local floor = require("@spykee/floor")
 
@@ -21,8 +22,11 @@ local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the k
 local WIDE = 24 -- pixels: for each such width the tape gives one point
 local MARGIN = 24 -- pixels around a blob with which its brightness is compared
 local DARK = 0.45 -- black tape is darker than this share of the floor's brightness
-local BEGINNING = 1.1 -- a new line must begin nearer than this share of the nearest floor, or than 0.9 m
+-- A new line must begin nearer than this share of the nearest floor, or than 0.9 m, and so near to the
+-- middle of the picture, a share of its width.
+local BEGINNING, MIDDLE = 1.1, 0.3
 local LOOK_AROUND = 0.8 -- rad/s
+local SETTLES = 0.4 -- seconds after such a turn in which pictures, which arrive late, may still show it
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
 -- Seconds of turning to the first side: for a lost line, and for a line that was never seen.
 local FIRST, GLANCE = 1.8 / LOOK_AROUND, 0.7 / LOOK_AROUND
@@ -37,6 +41,8 @@ local pose = robot.pose() -- where it was when the points were moved last
 local seen_at, ever_seen = task.now(), false
 local followed_at = task.now()
 local side = 1 -- where to look for a lost line: 1 left, -1 right
+local turned_at = -SETTLES -- when it last turned to look for the line
+local in_sight = false -- whether this picture shows the line
 local state
 
 local function drive(speed, turning, new_state)
@@ -83,21 +89,25 @@ local function remember(x, y, away)
 end
 
 -- Whether a point belongs to the line. A line has no gaps, so it must be near a known point; the
--- first one must be right in front of the robot.
-local function belongs(x, y)
+-- first one must be right in front of the robot: in the corners of a picture, which are dark, the foot
+-- of anything looks like tape.
+local function belongs(x, y, central)
 	for _, point in line do
 		if math.abs(point.x - x) < GAP and math.abs(point.y - y) < GAP then
 			return true
 		end
 	end
-	return #line == 0 and x < AHEAD + math.max(0.9, BEGINNING * near)
+	return #line == 0 and x < AHEAD + math.max(0.9, BEGINNING * near) and central
 end
 
 local function note(frame, column, row)
 	local ahead, y = frame:floor_position(column, row)
 	local x = AHEAD + (ahead or 0)
-	if ahead and belongs(x, y) then
-		remember(x, y, math.sqrt(ahead ^ 2 + y ^ 2))
+	if ahead and belongs(x, y, math.abs(column / frame.width - 0.5) < MIDDLE) then
+		in_sight = true
+		if task.now() > turned_at + SETTLES then
+			remember(x, y, math.sqrt(ahead ^ 2 + y ^ 2))
+		end
 		seen_at, ever_seen = task.now(), true
 	end
 end
@@ -153,6 +163,7 @@ end
 
 robot.on("frame", function(frame)
 	move_on()
+	in_sight = false
 	look(frame)
 	local point, distance = nearest()
 	if point then
@@ -164,9 +175,13 @@ robot.on("frame", function(frame)
 		followed_at = task.now()
 		return
 	end
+	if in_sight then
+		return drive(0, 0, "the line is in sight")
+	end
 	-- Looks to one side first, then all the way round by the other side.
 	local first = if ever_seen then FIRST else GLANCE
 	if task.now() - seen_at < FULL_TURN + 2 * first then
+		turned_at = task.now()
 		drive(0, LOOK_AROUND * (if task.now() - followed_at < first then side else -side), "looking for the line")
 	else
 		drive(0, 0, "no line in sight")

@@ -17,7 +17,9 @@ use crate::clock::{Span, Zone};
 use crate::link::{self, Target};
 use crate::pilot::Settings;
 use crate::robot::Streams;
+use crate::safety::PowerMeaning;
 use crate::script::{self, Calibration};
+use crate::sim::{PowerReading, World};
 use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
 use crate::{files, http, journal, notify, safety, yaml};
@@ -248,6 +250,21 @@ impl Config {
         }
     }
 
+    /// Enters what `spykee doctor --first` would find out of the robot in this world, where the config
+    /// leaves it open; and its camera.
+    pub fn with_robot_of(mut self, world: &World) -> Config {
+        self.camera = world.camera.calibrated();
+        let calibration = &mut self.calibration;
+        if calibration.least_power == Calibration::default().least_power {
+            calibration.least_power = world.tracks.least_power();
+        }
+        let power = &mut self.watchdog.power;
+        if *power == PowerMeaning::Auto && world.battery.power == PowerReading::Voltage {
+            *power = PowerMeaning::Voltage;
+        }
+        self
+    }
+
     /// The options of a script with this name; `chunk` is its file as messages show it.
     pub fn script(
         &self,
@@ -404,6 +421,29 @@ mod tests {
         let config = Config::parse("# nothing yet\n", "spykee.yaml").unwrap();
         assert_eq!(config.watchdog, safety::Limits::default());
         assert!(config.robot.is_none() && config.behaviours.is_empty());
+    }
+
+    #[test]
+    fn a_simulated_robot_is_known_where_the_config_leaves_it_open() {
+        let world = |preset: &str| {
+            let text = format!(
+                "preset: {preset}\nroom: {{width: 4, depth: 4}}\n\
+                 station: {{at: [0, 2], heading_degrees: 0}}\n"
+            );
+            World::from_yaml(&text, "w.yaml").unwrap()
+        };
+        let genuine = Config::default().with_robot_of(&world("genuine"));
+        assert_eq!(genuine.watchdog.power, PowerMeaning::Voltage);
+        assert_eq!(genuine.calibration.least_power, 20.0);
+        assert!(genuine.camera.pitch > 0.0);
+        let exact = Config::default().with_robot_of(&world("exact"));
+        assert_eq!(exact.watchdog.power, PowerMeaning::Auto);
+        assert_eq!(exact.calibration.least_power, 5.6);
+        let text = "watchdog: { power: percent }\ncalibration: { least_power: 30 }\n";
+        let said = Config::parse(text, "spykee.yaml").unwrap();
+        let kept = said.with_robot_of(&world("genuine"));
+        assert_eq!(kept.watchdog.power, PowerMeaning::Percent);
+        assert_eq!(kept.calibration.least_power, 30.0);
     }
 
     #[test]

@@ -123,10 +123,7 @@ async fn drive(
         scripts: plan.script().into_iter().collect(),
         timetable: None,
     });
-    let config = Config {
-        camera: simulation.sim().world().camera.calibrated(),
-        ..Config::default()
-    };
+    let config = Config::default().with_robot_of(simulation.sim().world());
     let agent_plan = Plan {
         stays: true,
         specs: plan.spec(&plan.name, &config).into_iter().collect(),

@@ -49,12 +49,12 @@ pub struct LoginArgs {
 }
 
 impl ConnectionArgs {
-    /// The robot of the flags, or else of the config; `None` if neither names one. The config's
-    /// camera becomes that of a simulated robot.
+    /// The robot of the flags, or else of the config; `None` if neither names one. What is known of
+    /// a simulated robot enters the config.
     pub(super) fn choose(&self, config: &mut Config) -> Result<Option<ChosenRobot>, Failure> {
         if let Some(world) = &self.sim {
             let world = load(world.as_deref())?;
-            config.camera = world.camera.calibrated();
+            *config = std::mem::take(config).with_robot_of(&world);
             return Ok(Some(ChosenRobot::Sim(world.into())));
         }
         let robot = self.robot.as_ref().or(config.robot.as_ref());

@@ -29,7 +29,8 @@ const MAX_LINES: usize = 200;
 
 #[derive(Debug, Clone, Default)]
 pub struct RunSettings {
-    /// Colours, calibration, limits and the watchdog's parameters.
+    /// Colours, calibration, limits and the watchdog's parameters; what is known of a simulated robot
+    /// is added.
     pub config: Config,
     /// The behaviour that `sim:run()` runs without arguments; if `None`, the one with the file's
     /// name without `_test`.
@@ -91,7 +92,12 @@ struct FailureReason {
 }
 
 impl RunSettings {
-    fn simulation_options(&self, seed: u64, fps: Option<f64>) -> simulation::Options {
+    fn simulation_options(
+        &self,
+        config: &Config,
+        seed: u64,
+        fps: Option<f64>,
+    ) -> simulation::Options {
         simulation::Options {
             seed,
             sim: sim::Options {
@@ -100,8 +106,8 @@ impl RunSettings {
                 faults: Some(Vec::new()),
                 ..sim::Options::default()
             },
-            limits: self.config.watchdog.clone(),
-            streams: self.config.streams,
+            limits: config.watchdog.clone(),
+            streams: config.streams,
             stop: self.stop.clone(),
             ..simulation::Options::default()
         }
@@ -123,13 +129,14 @@ impl ScenarioFile {
         let options = &scenario.options;
         let world = load_world(options.world.as_deref(), self.folder());
         let world = world.map_err(io::Error::other)?;
+        let config = settings.config.clone().with_robot_of(&world);
         let record = RunRecord::default();
         let simulation_options = simulation::Options {
             events: Some(record.recorder()),
-            ..settings.simulation_options(seed, options.fps)
+            ..settings.simulation_options(&config, seed, options.fps)
         };
         let behaviours = Behaviours {
-            config: settings.config.clone(),
+            config,
             folder: self.folder().map(Path::to_owned),
             subject: settings.subject.clone().or_else(|| self.subject()),
             data: data.path().to_owned(),

@@ -493,6 +493,21 @@ fn rust_tests_play_scenarios_too() {
     assert_eq!(failure.message, "this is not true");
 }
 
+/// Its POWER is a voltage, which does not look low at this energy: the config says so, as after
+/// `doctor --first`.
+#[test]
+fn a_low_battery_of_a_genuine_robot_is_low_in_a_scenario_too() {
+    let home = "scenario('x', { world = 'laboratory', battery = 18 }, function(sim) \
+                sim:run('stands.lua') \
+                expect(sim:wait_until(function() return sim:docked() end, 200), 'it is not home') end)";
+    let folder = folder(&[("stands.lua", "task.wait(1000)"), ("low_test.lua", home)]);
+    let file = ScenarioFile::read(&folder.path().join("low_test.lua")).unwrap();
+    let settings = RunSettings::default();
+    let result = file.run(&file.scenarios()[0], 1, &settings).unwrap();
+    let failure = result.failure.map(|failure| failure.message);
+    assert_eq!(failure, None);
+}
+
 #[test]
 fn an_expectation_that_is_caught_still_fails_its_scenario() {
     for source in [

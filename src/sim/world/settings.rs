@@ -4,6 +4,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 use vision::{Camera, Subsampling};
 
+use crate::body::chassis::FULL_POWER;
 use crate::document::number;
 
 /// How the battery drains and charges. With the defaults it lasts hours, as on a real robot.
@@ -216,6 +217,16 @@ impl Default for TrackSettings {
             dead_zone: 5.5,
             response: TrackResponse::default(),
         }
+    }
+}
+
+impl TrackSettings {
+    /// Returns the least power that moves a track, percent, to one decimal: that of the least command
+    /// that does.
+    pub fn least_power(&self) -> f64 {
+        let full = f64::from(FULL_POWER);
+        let least = (self.dead_zone / 100.0 * full).ceil() / full;
+        (1000.0 * least).ceil() / 10.0
     }
 }
 

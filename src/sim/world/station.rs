@@ -98,7 +98,8 @@ pub struct DockingSettings {
     #[serde(deserialize_with = "number::chance")]
     pub success: f64,
     /// The robot knows where it is and drives around obstacles. Otherwise it has its receivers
-    /// only, drives straight towards the beacon and pushes against what is in its way.
+    /// only, drives straight towards the beacon, comes again from nearer to the station's axis if
+    /// there was no contact, and pushes against what is in its way.
     pub sees_obstacles: bool,
     /// Share of the time in which the receivers hear nothing, as in sunlight.
     #[serde(deserialize_with = "number::chance")]
@@ -165,11 +166,17 @@ impl Station {
         self.beacon_range.min(self.docking.range)
     }
 
+    /// Returns the angle between the station's axis and the direction from its beacon to `point`,
+    /// radians, left positive as seen from the station.
+    pub(crate) fn off_axis(&self, point: Point) -> f64 {
+        wrap(self.beacon().direction_of(point) - self.heading())
+    }
+
     /// Whether a robot at `point` is in the beam, in range and in the line of sight of the beacon.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
         let distance = beacon.distance(point);
-        let off_axis = wrap(beacon.direction_of(point) - self.heading()).abs();
+        let off_axis = self.off_axis(point).abs();
         let in_cone = off_axis <= self.beacon_degrees.abs().to_radians();
         let near = distance <= GLOW && off_axis <= PI / 2.0;
         distance <= self.range() && (in_cone || near) && obstacles.has_line_of_sight(beacon, point)
