@@ -24,7 +24,7 @@ local MARGIN = 24 -- pixels around a blob with which its brightness is compared
 local DARK = 0.45 -- black tape is darker than this share of the floor's brightness
 -- A new line must begin nearer than this share of the nearest floor, or than 0.9 m, and so near to the
 -- middle of the picture, a share of its width.
-local BEGINNING, MIDDLE = 1.1, 0.3
+local BEGINNING, MIDDLE = 1.1, 0.42
 local LOOK_AROUND = 0.8 -- rad/s
 local SETTLES = 0.4 -- seconds after such a turn in which pictures, which arrive late, may still show it
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
@@ -100,12 +100,18 @@ local function belongs(x, y, central)
 	return #line == 0 and x < AHEAD + math.max(0.9, BEGINNING * near) and central
 end
 
+-- Whether a lost line has just been found in a turn. The first sight of a line counts at once: it may be
+-- out of the picture when the robot stands.
+local function found_in_turn()
+	return ever_seen and #line == 0 and task.now() < turned_at + SETTLES
+end
+
 local function note(frame, column, row)
 	local ahead, y = frame:floor_position(column, row)
 	local x = AHEAD + (ahead or 0)
 	if ahead and belongs(x, y, math.abs(column / frame.width - 0.5) < MIDDLE) then
 		in_sight = true
-		if task.now() > turned_at + SETTLES then
+		if not found_in_turn() then
 			remember(x, y, math.sqrt(ahead ^ 2 + y ^ 2))
 		end
 		seen_at, ever_seen = task.now(), true
