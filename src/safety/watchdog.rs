@@ -1348,7 +1348,11 @@ impl Watchdog {
             Some(DockEnd::Cancelled)
         } else if self.dock_state() == DockState::Charging {
             Some(DockEnd::AlreadyDocked)
-        } else if self.is_alarming() || crowded || !(self.guarded || self.homing.is_some()) {
+        } else if self.stopped_by_person
+            || self.is_alarming()
+            || crowded
+            || !(self.guarded || self.homing.is_some())
+        {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) {
             Some(DockEnd::Preempted)
@@ -1380,7 +1384,8 @@ impl Watchdog {
             Some(DockEnd::Cancelled)
         } else if left {
             Some(DockEnd::NotDocked)
-        } else if low || self.battery_monitor.critical() || !self.guarded {
+        } else if self.stopped_by_person || low || self.battery_monitor.critical() || !self.guarded
+        {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) || self.docks_above(caller.priority) {
             Some(DockEnd::Preempted)

@@ -57,6 +57,22 @@ fn while_a_persons_stop_holds_motions_end_and_are_refused_at_once() {
 }
 
 #[test]
+fn while_a_persons_stop_holds_docking_and_undocking_are_refused_at_once() {
+    let mut rig = Rig::online(60);
+    rig.handle(Fact::StoppedByPerson(true));
+    let acts = rig.dock(1);
+    let refused = Some((DockEnd::Safety, 0));
+    assert_eq!((sent(&acts), dock_ended(&acts)), (vec![], refused));
+    let acts = [rig.report(power(0)), rig.pass(1000 * SECOND, false)].concat();
+    assert_eq!(sent(&acts), []);
+    let mut rig = Rig::docked(charging(90));
+    rig.handle(Fact::StoppedByPerson(true));
+    let acts = rig.undock(1);
+    let refused = Some(DockEnd::Safety);
+    assert_eq!((sent(&acts), undock_ended(&acts)), (vec![], refused));
+}
+
+#[test]
 fn a_low_level_at_rest_or_at_login_is_enough() {
     let acts = Rig::online(60).handle(Fact::Power(power(10)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
