@@ -632,6 +632,12 @@ async fn the_guardian_serves_a_persons_stop_in_place_of_an_agent_that_hangs() {
     let dock = rig.heard_dock(0).await;
     let name = format!("spykee-data/.run/{}.guardian", run.pid().as_raw_nonzero());
     let path = rig.folder().join(name);
+    let opened = async {
+        while !path.exists() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, opened).await.expect("it has no socket");
     assert_eq!(ask_to_stop(&path).await, StopAnswer::Alive);
     run.signal(Signal::STOP);
     becomes(run.pid(), 'T').await;
