@@ -177,6 +177,23 @@ impl Class {
         self.ok(who, "POST /class/turn/run", order).await;
     }
 
+    async fn may_not_drive(&self, who: &str) {
+        let order = json!({ "lesson": LESSON });
+        let refused = self.ask(who, "POST /class/turn/run", order).await;
+        assert_eq!(refused.0, 409, "{}", refused.1);
+    }
+
+    /// The teacher lets a robot go that has stood since it was stopped, and its driver goes on.
+    async fn drives_when_let_go(&self, rig: &Rig, who: &str, stopped: usize) {
+        rig.stands_still().await;
+        assert!(!rig.commands(stopped).iter().any(moves));
+        let stop = format!("robots/{}/stop", name_of(rig));
+        self.switch(&stop, false).await;
+        self.until(who, has_turn).await;
+        self.drive(who).await;
+        rig.heard_motion(stopped).await;
+    }
+
     async fn end_turn(&self, who: &str) {
         self.ok(who, "POST /class/turn", json!({ "on": false }))
             .await;
@@ -600,9 +617,7 @@ async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets
     let moving = rig.heard_motion(0).await;
     class.switch("freeze", true).await;
     let stopped = rig.heard_stop(moving).await;
-    let order = json!({ "lesson": LESSON });
-    let refused = class.ask(&ada, "POST /class/turn/run", order.clone()).await;
-    assert_eq!(refused.0, 409, "{}", refused.1);
+    class.may_not_drive(&ada).await;
     class.until(&ada, stands).await;
     class.switch("freeze", false).await;
     class.drive(&ada).await;
@@ -611,16 +626,10 @@ async fn freeze_and_the_teachers_stop_beat_whoever_drives_until_the_teacher_lets
     class.switch(&stop, true).await;
     let stopped = rig.heard_stop(moving).await;
     class.robot_is(&["stopped"]).await;
-    let refused = class.ask(&ada, "POST /class/turn/run", order).await;
-    assert_eq!(refused.0, 409, "{}", refused.1);
+    class.may_not_drive(&ada).await;
     // The rest of the turn is given back, and comes first.
     class.until(&ada, waits_first).await;
-    rig.stands_still().await;
-    assert!(!rig.commands(stopped).iter().any(moves));
-    class.switch(&stop, false).await;
-    class.until(&ada, has_turn).await;
-    class.drive(&ada).await;
-    rig.heard_motion(stopped).await;
+    class.drives_when_let_go(&rig, &ada, stopped).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -723,15 +732,8 @@ async fn a_stop_while_the_agent_restarts_holds_as_soon_as_it_is_back() {
     assert!(waits, "{robot}");
     class.robot_is(&["stopped"]).await;
     let stopped = rig.heard_stop(moving).await;
-    let order = json!({ "lesson": LESSON });
-    let refused = class.ask(&ada, "POST /class/turn/run", order).await;
-    assert_eq!(refused.0, 409, "{}", refused.1);
-    rig.stands_still().await;
-    assert!(!rig.commands(stopped).iter().any(moves));
-    class.switch(&stop, false).await;
-    class.until(&ada, has_turn).await;
-    class.drive(&ada).await;
-    rig.heard_motion(stopped).await;
+    class.may_not_drive(&ada).await;
+    class.drives_when_let_go(&rig, &ada, stopped).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
