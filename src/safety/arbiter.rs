@@ -606,26 +606,26 @@ mod tests {
     }
 
     proptest! {
-            #[test]
-            fn at_most_fifty_a_second_and_the_newest_wins(
-                wanted in prop::collection::vec((0u32..30, -2i32..3), 1..400),
-            ) {
-                let start = Instant::now();
-                let mut tracks = Tracks::new(start);
-                let mut now = start;
-    let mut sent = Vec::new();
-                for (pause, power) in wanted {
-                    now += pause * MS;
-                    tracks.want(at(f64::from(power) * 40.0));
-                    sent.extend(tracks.poll(now).map(|_| now));
-                }
-                for window in sent.windows(Tracks::PER_SECOND as usize + 2) {
-                    let span = *window.last().unwrap() - window[0];
-                    prop_assert!(span >= Duration::from_secs(1), "{span:?}");
-                }
-                tracks.want(at(100.0));
-                let due = tracks.next_deadline().unwrap().max(now);
-                prop_assert_eq!(tracks.poll(due), Some(at(100.0)));
+        #[test]
+        fn at_most_fifty_a_second_and_the_newest_wins(
+            wanted in prop::collection::vec((0u32..30, -2i32..3), 1..400),
+        ) {
+            let start = Instant::now();
+            let mut tracks = Tracks::new(start);
+            let mut now = start;
+            let mut sent = Vec::new();
+            for (pause, power) in wanted {
+                now += pause * MS;
+                tracks.want(at(f64::from(power) * 40.0));
+                sent.extend(tracks.poll(now).map(|_| now));
             }
+            for window in sent.windows(Tracks::PER_SECOND as usize + 2) {
+                let span = *window.last().unwrap() - window[0];
+                prop_assert!(span >= Duration::from_secs(1), "{span:?}");
+            }
+            tracks.want(at(100.0));
+            let due = tracks.next_deadline().unwrap().max(now);
+            prop_assert_eq!(tracks.poll(due), Some(at(100.0)));
         }
+    }
 }
