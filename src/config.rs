@@ -251,7 +251,7 @@ impl Config {
     }
 
     /// Enters what `spykee doctor --first` would find out of the robot in this world, where the config
-    /// leaves it open; and its camera.
+    /// has the default; and its camera.
     pub fn with_robot_of(mut self, world: &World) -> Config {
         self.camera = world.camera.calibrated();
         let calibration = &mut self.calibration;
@@ -424,7 +424,7 @@ mod tests {
     }
 
     #[test]
-    fn a_simulated_robot_is_known_where_the_config_leaves_it_open() {
+    fn a_simulated_robot_is_known_where_the_config_has_the_default() {
         let world = |preset: &str| {
             let text = format!(
                 "preset: {preset}\nroom: {{width: 4, depth: 4}}\n\
