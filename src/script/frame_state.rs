@@ -10,7 +10,7 @@ use super::damage::Damage;
 use super::options::Options;
 use crate::odometry::TimedMotion;
 use crate::robot::Frame;
-use crate::vision::{Blob, FrameAnalyser, SkylineReader};
+use crate::vision::{Blob, FrameAnalyser, Size, SkylineReader, validate_markers};
 
 /// Least time between two kept frames.
 const PERIOD: Duration = Duration::from_millis(500);
@@ -20,6 +20,8 @@ const MAX_MARKS: usize = 64;
 
 pub(super) struct FrameState {
     pub(super) newest: Option<Rc<Frame>>,
+    /// Of the newest frame.
+    newest_size: Size,
     /// All frames that something may still reference.
     held: Vec<Weak<Frame>>,
     pub(super) analyser: FrameAnalyser,
@@ -47,6 +49,7 @@ impl FrameState {
     pub(super) fn new(options: &Options) -> FrameState {
         FrameState {
             newest: None,
+            newest_size: Size::default(),
             held: Vec::new(),
             analyser: FrameAnalyser::new(options.camera),
             skyline_reader: SkylineReader::new(options.camera),
@@ -59,12 +62,23 @@ impl FrameState {
     }
 
     /// Makes a frame the newest one, and counts its bytes for as long as something references it.
-    pub(super) fn hold(&mut self, frame: Frame) -> Rc<Frame> {
+    /// `size` is from the markers of the JPEG.
+    pub(super) fn hold(&mut self, frame: Frame, size: Size) -> Rc<Frame> {
         let frame = Rc::new(frame);
         self.held.retain(|held| held.strong_count() > 0);
         self.held.push(Rc::downgrade(&frame));
         self.newest = Some(Rc::clone(&frame));
+        self.newest_size = size;
         frame
+    }
+
+    /// The size of a frame that is held. Scripts ask for that of the newest one for each column that
+    /// they look at, so the markers of that one are read only once.
+    pub(super) fn size_of(&self, frame: &Rc<Frame>) -> Size {
+        match &self.newest {
+            Some(newest) if Rc::ptr_eq(newest, frame) => self.newest_size,
+            _ => validate_markers(&frame.jpeg).unwrap_or_default(),
+        }
     }
 
     /// The JPEG bytes of all frames that are still referenced.

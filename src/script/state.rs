@@ -408,11 +408,14 @@ impl State {
     pub(super) fn deliver_frame(&mut self, frame: Frame) -> bool {
         // For a script that is always busy: examine the last frame before its buffers are reused.
         self.examine_frame_for_motion();
-        if let Err(error) = validate_markers(&frame.jpeg) {
-            self.note_damage(frame.seq, &error);
-            return false;
-        }
-        let frame = self.frames.hold(frame);
+        let size = match validate_markers(&frame.jpeg) {
+            Ok(size) => size,
+            Err(error) => {
+                self.note_damage(frame.seq, &error);
+                return false;
+            }
+        };
+        let frame = self.frames.hold(frame, size);
         self.plan_motion_check(&frame);
         self.publish(EventName::Frame, Payload::Frame(frame));
         true

@@ -18,7 +18,7 @@ use crate::api::{Bounds, EventName};
 use crate::robot::{Frame, HostReport};
 use crate::vision::{
     Blob, BlobOptions, Camera, Direction, Image, Line, Roi, Size, brightness, find_qrcodes,
-    sharpness, validate_markers,
+    sharpness,
 };
 
 pub(super) const NATIVES: &Natives = &[
@@ -89,8 +89,14 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     builder.object::<Rc<Frame>>("Frame", |registry| {
         registry.add_field_method_get("seq", |_, frame| Ok(frame.seq));
         registry.add_field_method_get("bytes", |_, frame| Ok(frame.jpeg.len()));
-        registry.add_field_method_get("width", |_, frame| Ok(size(frame).width));
-        registry.add_field_method_get("height", |_, frame| Ok(size(frame).height));
+        let of_width = Rc::clone(&shared);
+        registry.add_field_method_get("width", move |_, frame| {
+            Ok(of_width.borrow().frames.size_of(frame).width)
+        });
+        let of_height = Rc::clone(&shared);
+        registry.add_field_method_get("height", move |_, frame| {
+            Ok(of_height.borrow().frames.size_of(frame).height)
+        });
         let of_camera = Rc::clone(&shared);
         registry.add_field_method_get("lens_height", move |_, _| {
             Ok(of_camera.borrow().options.camera.height)
@@ -101,11 +107,6 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
             Ok(age.as_secs_f64())
         });
     })
-}
-
-/// The size that the markers say, which were valid when the frame arrived.
-fn size(frame: &Frame) -> Size {
-    validate_markers(&frame.jpeg).unwrap_or_default()
 }
 
 fn newest(call: &mut Call<'_>) -> NativeResult {
@@ -298,6 +299,7 @@ fn line_mark(line: Line, part: Roi) -> LabelledBlob {
 fn qrcodes(call: &mut Call<'_>) -> NativeResult {
     let frame = receiver(call)?;
     let codes = call.state.image(&frame).map(find_qrcodes);
+    let size = call.state.frames.size_of(&frame);
     let list = call.lua.create_table()?;
     for code in codes.unwrap_or_default() {
         let corners = call.lua.create_table()?;
@@ -318,7 +320,7 @@ fn qrcodes(call: &mut Call<'_>) -> NativeResult {
         let cx = f64::from(x) + f64::from(w) / 2.0;
         let cy = f64::from(y) + f64::from(h) / 2.0;
         let camera = call.state.options.camera;
-        table.raw_set("bearing", camera.bearing(cx, cy, size(&frame)))?;
+        table.raw_set("bearing", camera.bearing(cx, cy, size))?;
         list.raw_push(of_row("QrCode", table))?;
     }
     call.reply(list)
