@@ -283,16 +283,21 @@ balls:
 
 /// The free distance that `floor.look` tells 4.4 m before a wall, with these things in the world.
 async fn free_ahead(pitch: i32, things: &str) -> f64 {
-    let rig = Rig::quiet().await;
-    let world = format!(
+    free_ahead_in(&format!(
         "room: {{width: 6, depth: 4, floor: concrete}}
 station: {{at: [0, 3.5], heading_degrees: 0}}
 start: {{at: [1.5, 2], heading_degrees: 0}}
 camera: {{pitch: {pitch}}}
 {things}
 "
-    );
-    rig.file("world.yaml", &world);
+    ))
+    .await
+}
+
+/// The free distance that `floor.look` tells at the start of a world.
+async fn free_ahead_in(world: &str) -> f64 {
+    let rig = Rig::quiet().await;
+    rig.file("world.yaml", world);
     rig.file(
         "look.lua",
         "print('ahead', require('@spykee/floor').look(robot.wait_frame(5)).ahead)",
@@ -310,6 +315,30 @@ camera: {{pitch: {pitch}}}
     let text = run.text();
     let told = text.split_once("ahead ").unwrap().1;
     told.split_whitespace().next().unwrap().parse().unwrap()
+}
+
+/// The floor seemed to end at the upper edge of the board, 1.45 times as far away.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_floor_ends_at_the_foot_of_a_wall_and_not_at_the_edge_of_its_skirting_board() {
+    for floor in ["concrete", "tiles", "wood"] {
+        for (light, paint) in [(0.5, "#8f9d90"), (1.0, "#d8cfbb")] {
+            for away in [1.2, 1.6, 2.2] {
+                let x = 5.9 - away; // the lens is 0.1 m in front of the robot's middle
+                let room = format!(
+                    "room: {{width: 6, depth: 4, floor: {floor}, walls: \"{paint}\"}}
+station: {{at: [0, 3.5], heading_degrees: 0}}
+start: {{at: [{x}, 2], heading_degrees: 0}}
+light: {light}
+"
+                );
+                let share = free_ahead_in(&room).await / away;
+                assert!(
+                    (0.75..1.15).contains(&share),
+                    "{floor}, {light}, {away} m: {share}"
+                );
+            }
+        }
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
