@@ -262,14 +262,20 @@ fn is_away(status: &Status) -> bool {
 }
 
 pub const RESCUE_NAME: &str = "rescue";
+/// The built-in rescue behaviour looks at pictures for a few milliseconds. On a machine that is too busy for
+/// that, a slow robot is better than one that drives blindly: the watchdog stops a robot whose host is silent.
+const RESCUE_BUDGET_MS: u64 = 2_000;
 /// Other behaviours are numbered from 0.
 pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
 
 /// The rescue behaviour to launch, with `options` for its VM; `None`: the config has none.
-pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<Launch>> {
+pub fn rescue(choice: &Rescue, mut options: script::Options) -> io::Result<Option<Launch>> {
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),
-        Rescue::Builtin => (script::RESCUE.into(), Library::default()),
+        Rescue::Builtin => {
+            options.limits.callback_budget_ms = RESCUE_BUDGET_MS;
+            (script::RESCUE.into(), Library::default())
+        }
         Rescue::File(path) => (crate::behaviour::read_source(path)?, Library::beside(path)),
     };
     Ok(Some(Launch {
