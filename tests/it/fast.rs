@@ -14,7 +14,7 @@ use spykee::wire::Command;
 use tokio::time::timeout;
 
 use crate::long_runs;
-use crate::rig::{QUIET_WORLD, Rig, Stopwatch, assert_contains};
+use crate::rig::{QUIET_WORLD, Rig, Stopwatch, assert_contains, exact};
 
 const FOLLOWS: &str = "
 robot.on('frame', function(frame)
@@ -69,7 +69,7 @@ fn log(seed: u64) -> Vec<String> {
         behaviour("wanders", WANDERS, 0, seed + 2),
     ];
     simulation::run(
-        World::default_world(),
+        exact("living_room"),
         options,
         async |simulation: &Simulation| {
             simulation.start(behaviours, limit).outcome().await.unwrap();
