@@ -257,11 +257,22 @@ fn a_robot_that_executes_slowly_executes_each_short_move_for_its_time() {
 }
 
 async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
+    rig.file("world.yaml", QUIET_WORLD);
     let file = rig.folder().join(name);
     let script = script.to_str().unwrap();
     let events = file.to_str().unwrap();
     let mut run = rig.spykee(&[
-        "run", script, "--sim", "--fast", "--for", "120", "--seed", "4", "--events", events,
+        "run",
+        script,
+        "--sim",
+        "world.yaml",
+        "--fast",
+        "--for",
+        "120",
+        "--seed",
+        "4",
+        "--events",
+        events,
     ]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_contains(&run.text(), &["0:02:00 simulated in"]);
