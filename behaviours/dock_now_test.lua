@@ -14,9 +14,9 @@ end)
 
 -- A genuine robot's receivers do not reach so far: it looks for its station and drives nearer, while
 -- somebody walks to and fro before it.
-scenario("docks through a door", { world = "hall", limit = 450 }, function(sim)
+scenario("docks through a door", { world = "hall", limit = 1000 }, function(sim)
 	sim:place({ x = 3.7 + 1.5 * math.random(), y = 2.4 + 0.6 * math.random(), heading = 2 * math.pi * math.random() })
-	docks(sim, 400)
+	docks(sim, 900)
 end)
 
 scenario("reports an error when the station cannot be found", { may_fail = true }, function(sim)

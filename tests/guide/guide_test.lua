@@ -1,6 +1,6 @@
 -- What the book (behaviours/guide) says that its scripts do, in the world that it names. Each script of a chapter is
 -- written beside this file: guide_03.lua is the first one of step 3, guide_03-2.lua the second, guide_journal.lua that of
--- the chapter operate/journal.md.
+-- the chapter operate/journal.md. So is exact.yaml, the living room with an exact robot.
 
 local function says(sim, text, seconds)
 	expect(sim:wait_until(function() return #sim:log(text) > 0 end, seconds), `it never said "{text}"`)
@@ -57,7 +57,7 @@ end)
 
 scenario("02 drives there, turns, backs and drives on", FIVE, function(sim)
 	sim:run("guide_02.lua")
-	drives(sim, 0.8, 30)
+	drives(sim, 0.65, 30)
 	ends(sim, 10)
 	expect(sim:collisions() == 0)
 end)
@@ -73,9 +73,9 @@ scenario("03-2 drives a square, more or less", FIVE, function(sim)
 	local start = sim:pose()
 	sim:run("guide_03-2.lua")
 	says(sim, "a square, more or less", 60)
-	expect(math.abs(sim:distance() - 1.2) < 0.15, `it drove {sim:distance()} m`)
+	expect(sim:distance() > 0.85 and sim:distance() < 1.35, `it drove {sim:distance()} m`)
 	local pose = sim:pose()
-	expect(math.sqrt((pose.x - start.x) ^ 2 + (pose.y - start.y) ^ 2) < 0.25, "it did not come back")
+	expect(math.sqrt((pose.x - start.x) ^ 2 + (pose.y - start.y) ^ 2) < 0.35, "it did not come back")
 end)
 
 scenario("04 drives off and goes home", options({ limit = 400 }), function(sim)
@@ -95,9 +95,9 @@ scenario("05-2 drives by metres and angles", FIVE, function(sim)
 	local heading = sim:pose().heading
 	sim:run("guide_05-2.lua")
 	ends(sim, 30)
-	expect(math.abs(sim:distance() - 0.8) < 0.1, `it drove {sim:distance()} m`)
+	expect(sim:distance() > 0.55 and sim:distance() < 0.9, `it drove {sim:distance()} m`)
 	local turned = math.deg(sim:pose().heading - heading) % 360
-	expect(math.abs(turned - 90) < 20, `it turned {turned} degrees`)
+	expect(math.abs(turned - 90) < 25, `it turned {turned} degrees`)
 end)
 
 scenario("06 says how it went", FIVE, function(sim)
@@ -106,7 +106,7 @@ scenario("06 says how it went", FIVE, function(sim)
 	ends(sim, 5)
 end)
 
-scenario("06-2 finds itself blocked by the wall, and knows how far it came", options({ fps = 12 }), function(sim)
+scenario("06-2 finds itself blocked by the wall, and an exact robot knows how far it came", options({ world = "exact.yaml", fps = 12 }), function(sim)
 	local before = sim:pose()
 	sim:run("guide_06-2.lua")
 	ends(sim, 60)
@@ -141,7 +141,11 @@ scenario("08 hears the bell and tells of its battery", options({ world = "yard" 
 	says(sim, "what was that?", 60)
 	expect(sim:sounds()[1].name == "robot")
 	sim:battery(70)
-	says(sim, "70 %, charging: false", 60)
+	says(sim, "%, charging: false", 60)
+	-- Its level is a voltage, which tells the energy roughly.
+	local lines = sim:log("charging: false")
+	local level = tonumber(lines[#lines].text:match("^%d+"))
+	expect(level and math.abs(level - 70) < 15, lines[#lines].text)
 end)
 
 scenario("09 sees a red thing", FIVE, function(sim)
@@ -213,7 +217,7 @@ scenario("15 searches, approaches and laughs", FIVE, function(sim)
 	sim:run("guide_15.lua")
 	says(sim, "there it is", 100)
 	ends(sim, 5)
-	expect(sim:sounds()[1].name == "laugh")
+	expect(sim:wait_until(function() return #sim:sounds() > 0 end, 1) and sim:sounds()[1].name == "laugh", "it did not laugh")
 	expect(not sim:leds().left, "the light of the search is off")
 end)
 

@@ -5,10 +5,10 @@ use std::time::Duration;
 use spykee::agent::{AgentEvent, Bus, BusMessage, Listener};
 use spykee::robot::{DockEnd, EndReason, WatchdogState};
 use spykee::script;
-use spykee::sim::World;
 use spykee::simulation::{self, Simulation};
 
 use crate::long_runs::behaviour;
+use crate::rig::exact;
 
 /// All events that have arrived so far.
 fn all(listener: &mut Listener) -> Vec<AgentEvent> {
@@ -29,7 +29,7 @@ fn play(source: &str, work: impl AsyncFnOnce(&Simulation) + Send) -> Vec<AgentEv
     let one = script::Options::new("one", "one.lua");
     let behaviours = vec![behaviour(source, one)];
     simulation::run(
-        World::default_world(),
+        exact("living_room"),
         options,
         async |simulation: &Simulation| {
             let run = simulation.start(behaviours, Some(Duration::from_secs(600)));

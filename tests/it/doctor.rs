@@ -1,9 +1,9 @@
 //! `spykee doctor`: works with and without a robot, and reports problems by its exit code.
 
 use spykee::config::Config;
-use spykee::sim::{Firmware, World};
+use spykee::sim::Firmware;
 
-use crate::rig::{Rig, Run, assert_contains, docked};
+use crate::rig::{Rig, Run, assert_contains, docked, exact};
 
 async fn doctor(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run: Run = rig.spykee(&[&["doctor"], args].concat());
@@ -74,7 +74,7 @@ async fn a_stranger_is_described_and_its_config_is_written_once() {
         stops_on_disconnect: true,
         ..Firmware::default()
     };
-    let rig = Rig::new(World::builtin_yaml("classroom").unwrap(), firmware).await;
+    let rig = Rig::with_world(exact("classroom"), firmware).await;
     let flags = ["--robot", &rig.address, "--first", "--yes"];
     let (code, text) = doctor(&rig, &flags).await;
     assert_eq!(code, Some(0), "{text}");

@@ -14,7 +14,7 @@ use spykee::wire::Command;
 use tokio::time::timeout;
 
 use crate::long_runs;
-use crate::rig::{QUIET_WORLD, Rig, Stopwatch, assert_contains};
+use crate::rig::{QUIET_WORLD, Rig, Stopwatch, assert_contains, exact};
 
 const FOLLOWS: &str = "
 robot.on('frame', function(frame)
@@ -69,7 +69,7 @@ fn log(seed: u64) -> Vec<String> {
         behaviour("wanders", WANDERS, 0, seed + 2),
     ];
     simulation::run(
-        World::default_world(),
+        exact("living_room"),
         options,
         async |simulation: &Simulation| {
             simulation.start(behaviours, limit).outcome().await.unwrap();
@@ -257,11 +257,22 @@ fn a_robot_that_executes_slowly_executes_each_short_move_for_its_time() {
 }
 
 async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
+    rig.file("world.yaml", QUIET_WORLD);
     let file = rig.folder().join(name);
     let script = script.to_str().unwrap();
     let events = file.to_str().unwrap();
     let mut run = rig.spykee(&[
-        "run", script, "--sim", "--fast", "--for", "120", "--seed", "4", "--events", events,
+        "run",
+        script,
+        "--sim",
+        "world.yaml",
+        "--fast",
+        "--for",
+        "120",
+        "--seed",
+        "4",
+        "--events",
+        events,
     ]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_contains(&run.text(), &["0:02:00 simulated in"]);

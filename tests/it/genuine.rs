@@ -140,7 +140,7 @@ const LUMA_50: [u8; 12] = [16, 11, 12, 14, 12, 10, 16, 14, 13, 14, 18, 17];
 
 #[tokio::test(start_paused = true)]
 async fn frames_are_compressed_as_genuine_ones_are() {
-    let (_handle, mut client) = robot(spykee::sim::World::default_world()).await;
+    let (_handle, mut client) = robot(crate::rig::exact("living_room")).await;
     client.send(&[VIDEO_ON, TURN_LEFT_90].concat()).await;
     let mut bytes = 0;
     for _ in 0..60 {

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use spykee::api::{Availability, Function, Namespace};
 
-use crate::rig::{Rig, assert_contains, run_in};
+use crate::rig::{Rig, assert_contains, exact_yaml, run_in};
 
 /// The scenarios that check the scripts of the book.
 const SCENARIOS: &str = include_str!("../guide/guide_test.lua");
@@ -124,6 +124,7 @@ fn every_script_of_the_book_does_what_its_text_says() {
     for (name, text) in files() {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
+    std::fs::write(folder.path().join("exact.yaml"), exact_yaml("living_room")).unwrap();
     let played = run_in(folder.path(), &["test", "guide_test.lua"]);
     let said = played.out;
     assert_eq!(played.code, Some(0), "{said}");

@@ -349,7 +349,7 @@ fn the_check_prints_points_sentences_and_where_to_find_a_hint() {
          not yet  0 of 3  It rests for a second\n           \
          It drives away and stays there: it should come back.\n  \
          not yet  0 of 5  It comes back to where it started\n           \
-         At the end it is 35 centimetres from where it started.\n\n\
+         At the end it is 32 centimetres from where it started.\n\n\
          2 of 10 points. A hint: spykee lesson check mine.lua --hint 1\n"
     );
     let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);

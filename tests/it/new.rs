@@ -1,6 +1,6 @@
 //! `spykee new`: the project that it makes works at once.
 
-use crate::rig::{Rig, assert_contains, moves, run_in, sized};
+use crate::rig::{Rig, assert_contains, exact_yaml, moves, run_in, sized};
 
 #[tokio::test]
 async fn a_new_project_drives_at_once_and_is_never_overwritten() {
@@ -45,9 +45,10 @@ async fn every_template_runs_and_passes_the_check() {
     }
 }
 
-/// The scenario that each template must pass; `FILE` and `HOURS` are filled in.
+/// The scenario that each template must pass; `FILE` and `HOURS` are filled in. The robot is exact: a genuine
+/// one touches the station beside its contacts when it docks, which counts as a collision.
 const LONG: &str = r#"
-scenario("lives through many charges", { limit = 90000, fps = 2 }, function(sim)
+scenario("lives through many charges", { world = "exact.yaml", limit = 90000, fps = 2 }, function(sim)
 	sim:run("FILE")
 	local driven, charges = 0, 0
 	for hour = 1, HOURS do
@@ -79,6 +80,8 @@ fn templates_run_for_hours_with_many_charges() {
         let scenario = LONG.replace("HOURS", &hours.to_string());
         let scenario = scenario.replace("FILE", "mine.lua");
         std::fs::write(folder.path().join("mine/day_test.lua"), scenario).unwrap();
+        let exact = exact_yaml("living_room");
+        std::fs::write(folder.path().join("mine/exact.yaml"), exact).unwrap();
         spykee(&["test", "mine/day_test.lua"]);
     }
 }

@@ -110,6 +110,19 @@ pub fn docked() -> String {
     QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "")
 }
 
+/// The YAML of a built-in world, but with an exact robot: for tests that are not about its body.
+pub fn exact_yaml(name: &str) -> String {
+    let yaml = World::builtin_yaml(name).unwrap();
+    let exact = yaml.replace("preset: genuine", "preset: exact");
+    assert_ne!(exact, yaml, "{name}");
+    exact
+}
+
+/// The same as a world.
+pub fn exact(name: &str) -> World {
+    World::from_yaml(&exact_yaml(name), name).unwrap()
+}
+
 /// The answer of an undocked robot that accepts a login.
 pub fn accepted() -> Report {
     Report::Accepted(Accepted {

@@ -9,7 +9,7 @@ use serde_json::Value;
 use spykee::scenario::{Cause, RunSettings, ScenarioFile};
 use tempfile::TempDir;
 
-use crate::rig::{Rig, assert_contains, run_in};
+use crate::rig::{Rig, assert_contains, exact_yaml, run_in};
 
 fn folder(files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -126,7 +126,7 @@ fn the_same_seed_gives_the_same_result_with_any_number_of_jobs() {
 #[test]
 fn every_query_and_every_change_reaches_the_simulated_robot() {
     let source = r#"
-scenario("all of it", { world = "playpen", battery = 70, limit = 600, seeds = 1 }, function(sim)
+scenario("all of it", { world = "exact.yaml", battery = 70, limit = 600, seeds = 1 }, function(sim)
     expect(sim:seed() == 1 and sim:time() == 0)
     sim:place({ x = 1, y = 1, heading = 0 })
     local pose = sim:pose()
@@ -216,6 +216,7 @@ robot.stop()
     let home = "local ok, code = robot.dock({ retries = 0 })\nlog.info(code)\n";
     let folder = folder(&[
         ("all_test.lua", source),
+        ("exact.yaml", exact_yaml("playpen").as_str()),
         ("ears.lua", ears),
         ("other.lua", other),
         ("home.lua", home),

@@ -13,6 +13,8 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
 
+use crate::rig::{exact, exact_yaml};
+
 /// More than anything here takes; a promise that is not kept by then is broken.
 pub(super) const LIMIT: Duration = Duration::from_secs(300);
 
@@ -115,13 +117,12 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
 
 /// A pen with the robot on its station at 90 %, and a battery that lasts for hours.
 pub(super) fn playpen() -> World {
-    let yaml = include_str!("../../behaviours/worlds/playpen.yaml");
-    World::from_yaml(yaml, "playpen.yaml").unwrap()
+    exact("playpen")
 }
 
 /// The same pen with the robot in its middle.
 pub(super) fn free_playpen() -> World {
-    let yaml = include_str!("../../behaviours/worlds/playpen.yaml");
+    let yaml = exact_yaml("playpen");
     let start = "\nstart: { at: [1.2, 1.25], heading_degrees: 20 }\n";
     World::from_yaml(&format!("{yaml}{start}"), "playpen.yaml").unwrap()
 }
@@ -362,7 +363,7 @@ async fn the_robot_undocks_backwards_and_reports_it() {
 
 #[tokio::test(start_paused = true)]
 async fn the_robot_docks_from_the_middle_of_the_room_and_charges() {
-    let (handle, mut client) = robot(World::default_world()).await;
+    let (handle, mut client) = robot(exact("living_room")).await;
     client.send(&[STAND, DOCK].concat()).await;
     assert!(client.waits_for(ON_STATION).await);
     let state = handle.state();
@@ -388,7 +389,7 @@ async fn a_hidden_station_is_not_found() {
 
 #[tokio::test(start_paused = true)]
 async fn cancel_and_move_end_the_search_and_base_find_after_move_does_not() {
-    let (handle, mut client) = robot(World::default_world()).await;
+    let (handle, mut client) = robot(exact("living_room")).await;
     for end in [CANCEL, STAND] {
         client.send(&[STAND, DOCK].concat()).await;
         timeout(
@@ -706,7 +707,7 @@ async fn thousands_of_random_byte_strings_do_no_harm() {
 #[tokio::test(start_paused = true)]
 async fn the_same_seed_gives_the_same_bytes() {
     let run = async || {
-        let (handle, mut client) = robot(World::default_world()).await;
+        let (handle, mut client) = robot(exact("living_room")).await;
         client
             .send(&[VIDEO_ON, AUDIO_ON, TURN_LEFT_90].concat())
             .await;

@@ -104,6 +104,7 @@ impl Place {
             Name::Gallery => GALLERY,
             Name::Flats => &flat(seed).yaml,
         };
+        let text = text.replace("preset: genuine\n", "");
         let text = format!("preset: {preset}\n{text}");
         let mut world = World::from_yaml(&text, name.text()).unwrap();
         world.battery = BatterySettings {

@@ -41,10 +41,10 @@ end
 -- line, in radians per second.
 local function turning(sim, left)
 	local turned = 0
-	for try = 1, 15 do
+	for try = 1, 60 do
 		hold(sim, left)
-		sim:wait(0.1)
-		if try > 5 then -- by then a picture has arrived and has had an effect
+		sim:wait(0.03) -- so short that no picture shows the line from a robot that has turned far
+		if try > 20 then -- by then a picture has arrived and has had an effect
 			turned -= sim:pose().heading
 		end
 	end
@@ -60,7 +60,7 @@ scenario("The farther the line is to one side, the faster it turns", { world = "
 	end
 	expect(turns[4] > 0.1, "The line is to the right, but it does not turn right: for that the second number of robot.drive must be negative.")
 	for place = 2, 4 do
-		local grows = turns[place] > math.max(1.08 * turns[place - 1], turns[place - 1] + 0.02)
+		local grows = turns[place] > math.max(1.04 * turns[place - 1], turns[place - 1] + 0.02)
 		expect(grows, "It turns as fast for a line that is nearly in the middle as for one farther out: let it turn in proportion to the line's offset.")
 	end
 end)
@@ -75,7 +75,7 @@ local function failed_on_nil(sim)
 	return false
 end
 
-scenario("It looks for a lost line where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90 }, function(sim)
+scenario("It looks for a lost line where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90, may_fail = true }, function(sim)
 	sim:run()
 	for side, name in { [1] = "right", [-1] = "left" } do
 		hold(sim, 0)

@@ -22,6 +22,7 @@ end
 
 local function ends(sim, seconds)
 	expect(sim:wait_until(function() return sim:ended() end, seconds), "The script does not end: once it has reported the result there is nothing left to do.")
+	sim:wait(1) -- until the robot has played its last sound
 end
 
 scenario("Home again, and a beep", { world = "playpen", points = 4, seeds = 3, limit = 500 }, function(sim)
@@ -30,7 +31,7 @@ scenario("Home again, and a beep", { world = "playpen", points = 4, seeds = 3, l
 	ends(sim, 60)
 	expect(sim:docked(), "It was home, but did not stay there.")
 	expect(not played(sim, "alarm"), "It is home, but there was an alarm.")
-	expect(sim:wait_until(function() return played(sim, "bip_2") end, 1), 'It is home, but there was no beep: robot.play("bip_2").')
+	expect(played(sim, "bip_2"), 'It is home, but there was no beep: robot.play("bip_2").')
 end)
 
 scenario("No station, and the alarm", { world = "playpen", points = 6, seeds = 2, limit = 1500 }, function(sim)
@@ -38,5 +39,5 @@ scenario("No station, and the alarm", { world = "playpen", points = 6, seeds = 2
 	sim:hide_station(true)
 	ends(sim, 1200)
 	expect(not played(sim, "bip_2"), "It could not get home, but there was a beep.")
-	expect(sim:wait_until(function() return played(sim, "alarm") end, 1), 'It could not get home, but there was no alarm: robot.play("alarm").')
+	expect(played(sim, "alarm"), 'It could not get home, but there was no alarm: robot.play("alarm").')
 end)

@@ -456,6 +456,13 @@ mod tests {
 
     const TICK: Duration = Duration::from_millis(20);
 
+    /// The living room with a station that is found from as far as its beacon reaches.
+    fn living_room() -> World {
+        let yaml = World::builtin_yaml("living_room").unwrap();
+        let exact = yaml.replace("preset: genuine", "preset: exact");
+        World::from_yaml(&exact, "living_room").unwrap()
+    }
+
     /// Drives until the manoeuvre ends or the contacts touch. Returns the seconds that took, and
     /// whether the contacts touch.
     fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
@@ -487,7 +494,7 @@ mod tests {
 
     #[test]
     fn finds_the_station_from_everywhere_in_the_living_room() {
-        let world = World::default_world();
+        let world = living_room();
         let obstacles = world.obstacles();
         let mut tried = 0;
         let mut slowest = 0.0;
@@ -512,14 +519,14 @@ mod tests {
 
     #[test]
     fn a_station_behind_a_wall_is_not_found() {
-        let world = World::default_world();
+        let world = living_room();
         let (_, found) = dock_from(&world, Pose::new(5.5, 0.6, 0.0), true);
         assert!(!found);
     }
 
     #[test]
     fn backing_out_ends_clear_of_the_station() {
-        let world = World::default_world();
+        let world = living_room();
         let station = &world.station;
         let obstacles = world.obstacles();
         let mut body = Chassis::new(station.dock_pose());

@@ -165,11 +165,12 @@ mod tests {
     }
 
     #[test]
-    fn every_built_in_world_is_valid_with_a_genuine_robot() {
+    fn every_built_in_world_has_a_genuine_robot_and_is_valid_with_an_exact_one() {
         for name in World::builtin_names() {
             let yaml = World::builtin_yaml(name).unwrap();
-            let yaml = yaml.replace("preset: genuine\n", "");
-            read(&format!("{yaml}\npreset: genuine\n"));
+            assert_eq!(read(yaml).preset, Preset::Genuine, "{name}");
+            let exact = yaml.replace("preset: genuine\n", "preset: exact\n");
+            assert_eq!(read(&exact).preset, Preset::Exact, "{name}");
         }
     }
 

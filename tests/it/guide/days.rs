@@ -14,7 +14,7 @@ use spykee::vision::{Decoder, Image, brightness};
 use super::chapter;
 use crate::live::get;
 use crate::mqtt::{Broker, Subscriber};
-use crate::rig::{Run, assert_contains, run_in, sized};
+use crate::rig::{Run, assert_contains, exact_yaml, run_in, sized};
 
 const DAY: f64 = 24.0 * 3600.0;
 /// Home after the time of a patrol is over, in seconds: the service waits for a minute first.
@@ -28,7 +28,7 @@ const NOT_BLACK: f64 = 0.05;
 /// The hall, where Ada wears what nothing else has the colour of. In the room of the patrol it is light from
 /// six to eight; where she walks there is always a lamp. Two pictures a second are enough for the guard.
 fn flat(dark_after: f64) -> String {
-    let hall = include_str!("../../../behaviours/worlds/hall.yaml");
+    let hall = exact_yaml("hall");
     let lamps = format!(
         "light: 0.05\nlamps:\n\
          - {{ name: day, at: [1.6, 3], brightness: 0.9, reach: 5, \

@@ -1,7 +1,7 @@
 //! The promises of the link with the simulator, over loopback TCP.
 
 use super::*;
-use spykee::sim::{Firmware, Handle, Server, World};
+use spykee::sim::{Firmware, Handle, Server};
 use tokio::task::JoinHandle;
 
 struct Sim {
@@ -21,7 +21,9 @@ async fn sim(firmware: Firmware) -> Sim {
         firmware,
         ..Default::default()
     };
-    let server = Server::bind(World::default_world(), options).await.unwrap();
+    let server = Server::bind(crate::rig::exact("living_room"), options)
+        .await
+        .unwrap();
     Sim {
         handle: server.handle(),
         target: server.local_addr().to_string().parse().unwrap(),

@@ -4,7 +4,7 @@ robot.on("frame", function(frame)
 	if not ball then
 		robot.drive(0, 0.6)
 	elseif ball.w < 120 then
-		robot.drive(0.2, -2 * ball.bearing)
+		robot.drive(0.2, -4 * ball.bearing)
 	else
 		robot.stop()
 	end
