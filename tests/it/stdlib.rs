@@ -298,6 +298,8 @@ camera: {{pitch: {pitch}}}
 async fn free_ahead_in(world: &str) -> f64 {
     let rig = Rig::quiet().await;
     rig.file("world.yaml", world);
+    let config = "limits: { callback_budget_ms: 5000 }\n"; // on a busy machine a look takes long
+    rig.file("spykee.yaml", config);
     rig.file(
         "look.lua",
         "print('ahead', require('@spykee/floor').look(robot.wait_frame(5)).ahead)",
@@ -322,7 +324,7 @@ async fn free_ahead_in(world: &str) -> f64 {
 async fn the_floor_ends_at_the_foot_of_a_wall_and_not_at_the_edge_of_its_skirting_board() {
     for floor in ["concrete", "tiles", "wood"] {
         for (light, paint) in [(0.5, "#8f9d90"), (1.0, "#d8cfbb")] {
-            for away in [1.2, 1.6, 2.2] {
+            for away in [1.2, 1.6] {
                 let x = 5.9 - away; // the lens is 0.1 m in front of the robot's middle
                 let room = format!(
                     "room: {{width: 6, depth: 4, floor: {floor}, walls: \"{paint}\"}}
