@@ -245,7 +245,7 @@ fn the_pose_is_right_after_a_minute_of_curves() {
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    // It turns round two or three times, always the same way, and each turn adds its part of the error.
+    // It turns round about twice, always the same way, and each turn adds its part of the error.
     let beyond = median(|robot| robot.heading_off - 0.07 * robot.turned.abs());
     let way = median(|robot| robot.off);
     assert!(beyond < 6.0 && way < 0.8, "{beyond} degrees, {way} m");
