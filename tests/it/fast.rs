@@ -34,10 +34,11 @@ end
 ";
 
 pub fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
-    let options = script::Options {
+    let mut options = script::Options {
         seed,
         ..script::Options::new(name.to_owned(), format!("{name}.lua"))
     };
+    options.limits.callback_budget_ms = 5_000; // on a busy machine a look at a picture takes long
     Behaviour {
         priority: Priority(priority),
         ..long_runs::behaviour(source, options)
