@@ -262,8 +262,9 @@ fn is_away(status: &Status) -> bool {
 }
 
 pub const RESCUE_NAME: &str = "rescue";
-/// The built-in rescue behaviour looks at pictures for a few milliseconds. On a machine that is too busy for
-/// that, a slow robot is better than one that drives blindly: the watchdog stops a robot whose host is silent.
+/// The built-in rescue behaviour looks at a picture for a few milliseconds. On a machine that is too busy for
+/// that, a slow robot is better than one that drives blindly. No longer than the watchdog waits until it ends
+/// a silent host; it stops the tracks long before.
 const RESCUE_BUDGET_MS: u64 = 2_000;
 /// Other behaviours are numbered from 0.
 pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
@@ -273,7 +274,8 @@ pub fn rescue(choice: &Rescue, mut options: script::Options) -> io::Result<Optio
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),
         Rescue::Builtin => {
-            options.limits.callback_budget_ms = RESCUE_BUDGET_MS;
+            let budget = &mut options.limits.callback_budget_ms;
+            *budget = RESCUE_BUDGET_MS.max(*budget);
             (script::RESCUE.into(), Library::default())
         }
         Rescue::File(path) => (crate::behaviour::read_source(path)?, Library::beside(path)),
@@ -331,5 +333,26 @@ fn behaviour(launch: Launch) -> Behaviour {
         checked: false,
         restart: RestartPolicy::OnFailure(Default::default()),
         reloads: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_built_in_rescue_behaviour_has_more_time_than_a_script() {
+        let budget = |choice: &Rescue, given: u64| {
+            let mut options = script::Options::new(RESCUE_NAME, "rescue.lua");
+            options.limits.callback_budget_ms = given;
+            let launch = rescue(choice, options).unwrap().unwrap();
+            launch.options.limits.callback_budget_ms
+        };
+        assert_eq!(budget(&Rescue::Builtin, 100), RESCUE_BUDGET_MS);
+        assert_eq!(budget(&Rescue::Builtin, 9_000), 9_000);
+        let folder = tempfile::tempdir().unwrap();
+        let own = folder.path().join("rescue.lua");
+        std::fs::write(&own, "task.wait(1)").unwrap();
+        assert_eq!(budget(&Rescue::File(own), 100), 100);
     }
 }
