@@ -63,7 +63,7 @@ pub fn set_options(socket: &impl AsFd, dead_after: Duration) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::net::{TcpListener, TcpStream};
+    use std::net::TcpListener;
 
     use super::*;
 
@@ -87,7 +87,11 @@ mod tests {
     fn a_former_link_is_taken_up_from_its_port_unless_that_is_in_use() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let peer = listener.local_addr().unwrap();
-        let stream = TcpStream::connect(peer).unwrap();
+        // An address of its own: no other test takes its port while that is free.
+        let stream = Socket::new(Domain::IPV4, Type::STREAM, None).unwrap();
+        let own = SocketAddr::from(([127, 11, 4, 7], 0));
+        stream.bind(&own.into()).unwrap();
+        stream.connect(&peer.into()).unwrap();
         let former = FormerLink::new(&stream, peer).unwrap();
         let connect = || {
             let socket = former.open(DEAD_AFTER)?;
@@ -97,9 +101,7 @@ mod tests {
         };
         connect().expect_err("it is still open");
         // A reset leaves the port free at once.
-        SockRef::from(&stream)
-            .set_linger(Some(Duration::ZERO))
-            .unwrap();
+        stream.set_linger(Some(Duration::ZERO)).unwrap();
         drop(stream);
         let again = connect().unwrap().local_addr().unwrap();
         assert_eq!(again.as_socket(), Some(former.local));
