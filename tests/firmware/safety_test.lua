@@ -1,4 +1,5 @@
--- What holds whatever the robot answers where nobody knows how it does.
+-- What holds whatever the robot answers where nobody knows how it does. Five pictures a second are enough for the rescue
+-- behaviour to find its way.
 
 local function anywhere(sim)
 	sim:place({ x = 1.5 + 1.5 * math.random(), y = 1.8 + 1.2 * math.random(), heading = 2 * math.pi * math.random() })
@@ -19,13 +20,13 @@ local function drop(sim)
 	expect(sim:connected(), "it is back")
 end
 
-scenario("a robot with a low battery comes home", { battery = 20.6 }, function(sim)
+scenario("a robot with a low battery comes home", { battery = 20.6, fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:run("drives.lua")
 	expect(sim:wait_until(function() return sim:charging() end, 200), "home")
 end)
 
-scenario("a low robot comes home over a link that drops", { battery = 19 }, function(sim)
+scenario("a low robot comes home over a link that drops", { battery = 19, fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:run("drives.lua")
 	sim:wait(3)
@@ -34,7 +35,7 @@ scenario("a low robot comes home over a link that drops", { battery = 19 }, func
 	expect(sim:wait_until(function() return sim:charging() end, 200), "home")
 end)
 
-scenario("after a drop the tracks stand", {}, function(sim)
+scenario("after a drop the tracks stand", { fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:run("drives.lua")
 	sim:wait(2)
@@ -42,7 +43,7 @@ scenario("after a drop the tracks stand", {}, function(sim)
 	expect(stands(sim, 3))
 end)
 
-scenario("after a drop a search is over", {}, function(sim)
+scenario("after a drop a search is over", { fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:hide_station(true)
 	sim:run("docks.lua")
@@ -52,7 +53,7 @@ scenario("after a drop a search is over", {}, function(sim)
 	expect(stands(sim, 3))
 end)
 
-scenario("at the end of a run a search is over", {}, function(sim)
+scenario("at the end of a run a search is over", { fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:hide_station(true)
 	sim:run("docks.lua")
@@ -62,7 +63,7 @@ scenario("at the end of a run a search is over", {}, function(sim)
 	expect(stands(sim, 3))
 end)
 
-scenario("docks and charges", {}, function(sim)
+scenario("docks and charges", { fps = 5 }, function(sim)
 	anywhere(sim)
 	sim:run("docks.lua")
 	expect(sim:wait_until(function() return #sim:log("docked: true") > 0 end, 120), "docked")
@@ -78,7 +79,7 @@ local function leaves_and_comes_back(sim)
 	expect(sim:ended("leaves") == "done" and sim:charging())
 end
 
-scenario("leaves its station and comes back", { limit = 9000 }, function(sim)
+scenario("leaves its station and comes back", { limit = 9000, fps = 5 }, function(sim)
 	sim:place({ x = 1.2, y = 2.5, heading = math.pi })
 	sim:run({ "docks.lua", name = "first" })
 	expect(sim:wait_until(function() return sim:charging() end, 120), "on the station")
@@ -87,11 +88,11 @@ scenario("leaves its station and comes back", { limit = 9000 }, function(sim)
 	leaves_and_comes_back(sim)
 end)
 
-scenario("begins on its station, leaves it and comes back", { world = "playpen", limit = 9000 }, function(sim)
+scenario("begins on its station, leaves it and comes back", { world = "playpen", limit = 9000, fps = 5 }, function(sim)
 	leaves_and_comes_back(sim)
 end)
 
-scenario("a low robot that begins on its station stays there or is brought back", { world = "playpen", battery = 12 }, function(sim)
+scenario("a low robot that begins on its station stays there or is brought back", { world = "playpen", battery = 12, fps = 5 }, function(sim)
 	sim:run("wants_to_leave.lua")
 	for _ = 1, 20 do
 		sim:wait(5)

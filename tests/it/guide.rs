@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use spykee::api::{Availability, Function, Namespace};
 
-use crate::rig::{Rig, assert_contains, exact_yaml, run_in};
+use crate::rig::{Rig, assert_contains, exact_yaml, run_in, sized};
 
 /// The scenarios that check the scripts of the book.
 const SCENARIOS: &str = include_str!("../guide/guide_test.lua");
@@ -118,6 +118,7 @@ fn every_script_of_the_book_has_a_scenario() {
     }
 }
 
+/// For each change with two seeds, in `scripts/nightly` with as many as the scenarios set.
 #[test]
 fn every_script_of_the_book_does_what_its_text_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +126,11 @@ fn every_script_of_the_book_does_what_its_text_says() {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
     std::fs::write(folder.path().join("exact.yaml"), exact_yaml("living_room")).unwrap();
-    let played = run_in(folder.path(), &["test", "guide_test.lua"]);
+    let seeds = sized(&["--seeds", "2"][..], &[]);
+    let played = run_in(
+        folder.path(),
+        &[&["test", "guide_test.lua"][..], seeds].concat(),
+    );
     let said = played.out;
     assert_eq!(played.code, Some(0), "{said}");
     assert_contains(&said, &[" runs passed; "]);

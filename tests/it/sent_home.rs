@@ -152,6 +152,8 @@ fn comes_home(place: &Place, start: &Start, by: By) -> bool {
     let mut world = place.world.clone();
     world.battery.idle_drain_per_minute = 0.01;
     world.battery.driving_drain_per_minute = 0.01;
+    // Five pictures a second are enough for the rescue behaviour to find its way.
+    world.camera.fps = sized(5.0, world.camera.fps);
     let rescue = match by {
         By::PersonWithoutRescue | By::IdleWithoutRescue => Rescue::Off,
         By::Person | By::Idle | By::Script => Rescue::Builtin,
