@@ -21,7 +21,7 @@ const WAIT_LIMIT = 30_000;
 const AT_ONCE = 3;
 /** The processes of the promise that is put to the test. */
 const processes = new AsyncLocalStorage();
-/** Also the cases that take minutes. */
+/** Also the cases that take minutes, and every view in light and dark. */
 const nightly = Boolean(process.env.NIGHTLY);
 
 /** A program that says something when it is there. */
@@ -48,10 +48,18 @@ class Process {
   }
 }
 
-/** A run with a page, in a folder of its own. */
+/** The living room, with fewer pictures a second than a robot sends: drawing them would take most of the time. */
+const LIVING_ROOM = fs.readFileSync(path.join(root, "behaviours/worlds/living_room.yaml"), "utf8").replace(/fps: \d+/, "fps: 5");
+
+/** A run with a page, in a folder of its own; in the living room unless a world follows `--sim`. */
 class Run {
   static async start(files, args, command = ["run", "--live=127.0.0.1:0"], roles = []) {
     const run = new Run();
+    const sim = args.indexOf("--sim");
+    if (sim >= 0 && (args[sim + 1] ?? "--").startsWith("--")) {
+      args = args.toSpliced(sim + 1, 0, "living_room.yaml");
+      files = { ...files, "living_room.yaml": LIVING_ROOM };
+    }
     run.folder = fs.mkdtempSync(path.join(os.tmpdir(), "spykee-live-"));
     for (const [name, text] of Object.entries(files)) {
       fs.writeFileSync(path.join(run.folder, name), text, { mode: 0o600 });
@@ -190,6 +198,12 @@ async function freePort() {
   const { port } = server.address();
   await new Promise((resolve) => server.close(resolve));
   return port;
+}
+
+/** Each of these views in light and dark; for each change in one of both, by turns. */
+function inColours(views) {
+  const schemes = (index) => nightly || pictures ? ["light", "dark"] : [["light", "dark"][index % 2]];
+  return views.flatMap(([name, options], index) => schemes(index).map((colorScheme) => [name, { ...options, colorScheme }]));
 }
 
 /** Takes control, and leaves the keyboard to the page. */
@@ -1087,41 +1101,39 @@ const promises = {
   async "a day, a week and a year of history, with the keyboard, on a phone, in light and dark"(browser) {
     const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
     const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
-    for (const [name, options] of [["desktop", DESK], ["phone", PHONE]]) {
-      for (const colorScheme of ["light", "dark"]) {
-        const page = await open(browser, run, { ...options, colorScheme });
-        await ready(page);
-        await page.getByRole("img", { name: /^Day: Battery/ }).waitFor();
-        await page.route("**/api/history?days=365", (route) => route.fulfill({ json: year() }));
-        await button(page, "Week").focus();
-        await page.keyboard.press("Enter");
-        await page.getByRole("img", { name: /^Week: Battery/ }).waitFor();
-        await page.keyboard.press("Tab");
-        await page.keyboard.press("Space");
-        const plot = page.getByRole("img", { name: "Year: Battery 22–100 %; Charging 2190.0 h; Runs 288 · 876.0 h; Dockings 588, 12 failed; Alarms 3" });
-        await plot.waitFor();
-        if (await button(page, "Year").getAttribute("aria-pressed") !== "true") {
-          throw new Error("nobody hears which range is chosen");
-        }
-        const drawn = await plot.locator("svg").evaluateAll((all) => all.map((one) => {
-          const { width, height } = one.getBoundingClientRect();
-          const bars = [...one.querySelectorAll(".bar")].map((bar) => bar.getBBox().width);
-          return width > 120 && height > 10 && Math.max(...bars) > 0;
-        }));
-        if (drawn.length !== 5 || !drawn.every((lane) => lane)) {
-          throw new Error(`a lane is not drawn: ${drawn}`);
-        }
-        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-        if (wide > 0) {
-          throw new Error(`${name}: ${wide} pixels too wide`);
-        }
-        if (pictures) {
-          await page.locator(".history").evaluate((element) => element.scrollIntoView());
-          await page.locator(".history").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
-        }
-        clean(page);
-        await page.context().close();
+    for (const [name, options] of inColours([["desktop", DESK], ["phone", PHONE]])) {
+      const page = await open(browser, run, options);
+      await ready(page);
+      await page.getByRole("img", { name: /^Day: Battery/ }).waitFor();
+      await page.route("**/api/history?days=365", (route) => route.fulfill({ json: year() }));
+      await button(page, "Week").focus();
+      await page.keyboard.press("Enter");
+      await page.getByRole("img", { name: /^Week: Battery/ }).waitFor();
+      await page.keyboard.press("Tab");
+      await page.keyboard.press("Space");
+      const plot = page.getByRole("img", { name: "Year: Battery 22–100 %; Charging 2190.0 h; Runs 288 · 876.0 h; Dockings 588, 12 failed; Alarms 3" });
+      await plot.waitFor();
+      if (await button(page, "Year").getAttribute("aria-pressed") !== "true") {
+        throw new Error("nobody hears which range is chosen");
       }
+      const drawn = await plot.locator("svg").evaluateAll((all) => all.map((one) => {
+        const { width, height } = one.getBoundingClientRect();
+        const bars = [...one.querySelectorAll(".bar")].map((bar) => bar.getBBox().width);
+        return width > 120 && height > 10 && Math.max(...bars) > 0;
+      }));
+      if (drawn.length !== 5 || !drawn.every((lane) => lane)) {
+        throw new Error(`a lane is not drawn: ${drawn}`);
+      }
+      const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      if (wide > 0) {
+        throw new Error(`${name}: ${wide} pixels too wide`);
+      }
+      if (pictures) {
+        await page.locator(".history").evaluate((element) => element.scrollIntoView());
+        await page.locator(".history").screenshot({ path: path.join(pictures, `history-${name}-${options.colorScheme}.png`) });
+      }
+      clean(page);
+      await page.context().close();
     }
     await run.end();
   },
@@ -1194,21 +1206,19 @@ const promises = {
 
   async "nothing serious in the way of people who use other means, in light and dark, large and small"(browser) {
     const run = await Run.start({}, [path.join(root, "behaviours/patrol.lua"), "--sim"]);
-    for (const [name, options] of [["desktop", DESK], ["phone", PHONE], ["lying", LANDSCAPE], ["tablet", TABLET]]) {
-      for (const colorScheme of ["light", "dark"]) {
-        const page = await open(browser, run, { ...options, colorScheme });
-        await ready(page);
-        await page.getByText(/patrol:\d+/).first().waitFor();
-        await page.waitForTimeout(pictures ? 6000 : 500);
-        await usable(page, `${name} ${colorScheme}`);
-        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-        if (wide > 0) {
-          throw new Error(`${name}: ${wide} pixels too wide`);
-        }
-        await keep(page, `${name}-${colorScheme}`);
-        clean(page);
-        await page.context().close();
+    for (const [name, options] of inColours([["desktop", DESK], ["phone", PHONE], ["lying", LANDSCAPE], ["tablet", TABLET]])) {
+      const page = await open(browser, run, options);
+      await ready(page);
+      await page.getByText(/patrol:\d+/).first().waitFor();
+      await page.waitForTimeout(pictures ? 6000 : 500);
+      await usable(page, `${name} ${options.colorScheme}`);
+      const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      if (wide > 0) {
+        throw new Error(`${name}: ${wide} pixels too wide`);
       }
+      await keep(page, `${name}-${options.colorScheme}`);
+      clean(page);
+      await page.context().close();
     }
     await run.end();
   },
@@ -1311,7 +1321,7 @@ async function usable(page, name) {
   const session = await page.context().newCDPSession(page);
   await session.send("Page.setBypassCSP", { enabled: true });
   await session.send("Runtime.evaluate", { expression: axe });
-  const found = await page.evaluate(async () => (await window.axe.run()).violations);
+  const found = await page.evaluate(async () => (await window.axe.run({ resultTypes: ["violations"] })).violations);
   const serious = found.filter(({ impact }) => impact === "serious" || impact === "critical");
   if (serious.length > 0) {
     const words = serious.map(({ id, nodes }) => `${id}: ${nodes.map((node) => node.html).join(" ").slice(0, 400)}`);
