@@ -233,7 +233,7 @@ fn the_pose_is_right_after_a_minute_of_curves() {
                 Estimate::new(&told, start, end)
             })
         };
-        (1..=sized(1, 5))
+        (1..=sized(3, 5))
             .map(minute)
             .collect::<Vec<_>>()
             .into_iter()
