@@ -1333,8 +1333,7 @@ async function usable(page, name) {
 }
 
 const launch = () => chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
-  args: ["--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
 });
 
 /** Puts a promise to the test; whether it holds. */

@@ -112,9 +112,16 @@ impl Blur {
 
 /// Mixes bytes with their neighbours on two sides, each of which has this weight in 256ths.
 fn mix_in([one, other]: [&[u8]; 2], weight: u16, to: &mut [u8]) {
+    // Of at most 256 shares of a byte each, nothing overflows; with checks the loop handles one byte
+    // at a time, and took a sixth of the time of tests with pictures.
+    let rest = 256_u16.wrapping_sub(2_u16.wrapping_mul(weight));
     for ((byte, one), other) in to.iter_mut().zip(one).zip(other) {
-        let neighbours = (u16::from(*one) + u16::from(*other)) * weight;
-        *byte = ((u16::from(*byte) * (256 - 2 * weight) + neighbours + 128) >> 8) as u8;
+        let neighbours = (u16::from(*one) + u16::from(*other)).wrapping_mul(weight);
+        let sum = u16::from(*byte)
+            .wrapping_mul(rest)
+            .wrapping_add(neighbours)
+            .wrapping_add(128);
+        *byte = (sum >> 8) as u8;
     }
 }
 

@@ -128,8 +128,12 @@ const EVEN: u32 = 0x00FF_00FF;
 
 /// Like [`between`], for packed pixels.
 pub(crate) fn mix(a: u32, b: u32, share: u32) -> u32 {
-    // Of 256 shares of a byte each, nothing overflows.
-    let two = |a: u32, b: u32| (a & EVEN) * (256 - share) + (b & EVEN) * share;
+    let rest = 256 - share;
+    // Of 256 shares of a byte each, nothing overflows; the checks would take most of the time in tests.
+    let two = |a: u32, b: u32| {
+        let a = (a & EVEN).wrapping_mul(rest);
+        a.wrapping_add((b & EVEN).wrapping_mul(share))
+    };
     ((two(a, b) >> 8) & EVEN) | (two(a >> 8, b >> 8) & !EVEN)
 }
 
