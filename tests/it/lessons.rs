@@ -54,22 +54,31 @@ fn assert_sentence(text: &str) {
     assert!(whole && !text.contains("limit"), "{text}");
 }
 
-/// Plays a script of each lesson with its check, as `spykee lesson check` does, but with one seed;
-/// returns, by lesson, the messages of the scenarios that are not passed.
-fn play_each(script: &str) -> Vec<Vec<String>> {
+/// A script and the check of its lesson.
+type Checked = (PathBuf, PathBuf);
+
+/// A script of each lesson.
+fn of_each_lesson(script: &str) -> Vec<Checked> {
+    let checked = |lesson: &PathBuf| (lesson.join(script), lesson.join("check.lua"));
+    lessons().iter().map(checked).collect()
+}
+
+/// Plays each script with its check, as `spykee lesson check` does, but with so many seeds; returns, for
+/// each script, the messages of the runs that are not passed.
+fn play_each(scripts: &[Checked], seeds: &str) -> Vec<Vec<String>> {
     let class = tempfile::tempdir().unwrap();
-    for (index, lesson) in lessons().iter().enumerate() {
-        let copy = |from: &str, to: String| {
-            fs::copy(lesson.join(from), class.path().join(to)).unwrap();
-        };
+    for (index, (script, check)) in scripts.iter().enumerate() {
+        let copy = |from, to: String| fs::copy(from, class.path().join(to)).unwrap();
         copy(script, format!("{index}.lua"));
-        copy("check.lua", format!("{index}_test.lua"));
+        copy(check, format!("{index}_test.lua"));
     }
-    let said = run_in(class.path(), &["test", "--json", "--seeds", "1"]);
+    let said = run_in(class.path(), &["test", "--json", "--seeds", seeds]);
     let runs = said.json()["runs"].take();
-    let runs = runs.as_array().unwrap();
-    let mut failures = vec![Vec::new(); lessons().len()];
-    let mut played = vec![0; lessons().len()];
+    let Some(runs) = runs.as_array() else {
+        panic!("{}{}", said.out, said.err);
+    };
+    let mut failures = vec![Vec::new(); scripts.len()];
+    let mut played = vec![0; scripts.len()];
     for run in runs {
         let file = run["file"].as_str().unwrap().rsplit('/').next().unwrap();
         let index: usize = file.strip_suffix("_test.lua").unwrap().parse().unwrap();
@@ -81,9 +90,16 @@ fn play_each(script: &str) -> Vec<Vec<String>> {
     failures
 }
 
+/// The messages of a check, without those that a failed script itself has caused.
+fn of_the_check(messages: &[String]) -> impl Iterator<Item = &str> {
+    let all = messages.iter().map(String::as_str);
+    all.filter(|message| !message.starts_with("the behaviour "))
+}
+
 #[test]
 fn every_solution_passes_each_scenario_of_its_lesson() {
-    for (index, failures) in play_each("solution.lua").iter().enumerate() {
+    let played = play_each(&of_each_lesson("solution.lua"), "1");
+    for (index, failures) in played.iter().enumerate() {
         assert!(failures.is_empty(), "lesson {}: {failures:#?}", index + 1);
     }
 }
@@ -138,7 +154,6 @@ fn judges_other_solutions(lesson: &str) {
         .join("behaviours/lessons")
         .join(lesson)
         .join("check.lua");
-    let class = tempfile::tempdir().unwrap();
     let mut expected = BTreeMap::new();
     let solutions = root.join("tests/lessons").join(lesson);
     for entry in fs::read_dir(&solutions).unwrap() {
@@ -154,40 +169,20 @@ fn judges_other_solutions(lesson: &str) {
     let right = expected.len() - wrong;
     assert!(right >= 6 && wrong >= 12, "{right} right, {wrong} wrong");
     let expected: BTreeMap<_, _> = expected.into_iter().step_by(sized(8, 1)).collect();
-    for name in expected.keys() {
-        let script = format!("{name}.lua");
-        fs::copy(&check, class.path().join(format!("{name}_test.lua"))).unwrap();
-        fs::copy(solutions.join(&script), class.path().join(script)).unwrap();
-    }
-    let said = run_in(
-        class.path(),
-        &["test", "--json", "--seeds", sized("1", "4")],
-    );
-    let runs = said.json()["runs"].take();
-    for (name, words) in expected {
-        let own = format!("{name}_test.lua");
-        let is_own =
-            |run: &&Value| run["file"].as_str().unwrap().rsplit('/').next() == Some(own.as_str());
-        let messages: Vec<&str> = runs
-            .as_array()
-            .unwrap_or_else(|| panic!("{}{}", said.out, said.err))
-            .iter()
-            .filter(is_own)
-            .filter_map(|run| run["failure"]["message"].as_str())
-            .collect();
+    let checked = |name: &String| (solutions.join(format!("{name}.lua")), check.clone());
+    let scripts: Vec<Checked> = expected.keys().map(checked).collect();
+    let played = play_each(&scripts, sized("1", "4"));
+    for ((name, words), messages) in expected.iter().zip(&played) {
         let Some(words) = words else {
             assert!(messages.is_empty(), "{lesson}/{name}: {messages:#?}");
             continue;
         };
-        let says_so = |message: &&str| words.split('|').any(|words| message.contains(words));
+        let says_so = |message: &String| words.split('|').any(|words| message.contains(words));
         assert!(
             messages.iter().any(says_so),
             "{lesson}/{name}: {messages:#?}"
         );
-        let of_the_check = messages
-            .into_iter()
-            .filter(|one| !one.starts_with("the behaviour "));
-        of_the_check.for_each(assert_sentence);
+        of_the_check(messages).for_each(assert_sentence);
     }
 }
 
@@ -329,15 +324,10 @@ fn each_script_of_a_class_is_played_in_a_folder_of_its_own() {
     assert_eq!(result["not_read"], serde_json::json!(["report.pdf"]));
 }
 
-/// The messages of a check, without those that a failed script itself has caused.
-fn of_the_check(messages: &[String]) -> impl Iterator<Item = &str> {
-    let all = messages.iter().map(String::as_str);
-    all.filter(|message| !message.starts_with("the behaviour "))
-}
-
 #[test]
 fn every_starter_fails_a_scenario_of_its_lesson_which_says_why() {
-    for (index, messages) in play_each("starter.lua").iter().enumerate() {
+    let played = play_each(&of_each_lesson("starter.lua"), "1");
+    for (index, messages) in played.iter().enumerate() {
         assert!(of_the_check(messages).count() > 0, "lesson {}", index + 1);
         of_the_check(messages).for_each(assert_sentence);
     }

@@ -168,7 +168,7 @@ fn a_robot_that_executes_slowly_does_the_same_with_the_same_seed() {
 fn a_slow_robot_executes_a_stop_soon() {
     // The second robot reports a voltage.
     let speeds = [Some(3.0), Some(8.0), Some(5.0)];
-    expect_stops(&speeds[..sized(2, 3)], sized(1, 2));
+    expect_stops(&speeds[..sized(2, 3)], 2);
 }
 
 /// Runs that end in these ways while the robot is out of reach for a second leave it standing.

@@ -394,17 +394,6 @@ start: { at: [1.2, 1.2], heading_degrees: 90 }
 camera: { fps: 5 }
 ";
 
-/// As large as the `playpen`, of a genuine robot.
-const PEN: &str = "
-name: pen
-preset: genuine
-room: { width: 3.0, depth: 2.5, height: 0.6, floor: tiles, walls: '#c9d3d6' }
-balls: [{ at: [2.1, 1.5], colour: red }]
-posts: [{ at: [2.7, 0.3], colour: blue }]
-station: { at: [0, 1.25], heading_degrees: 0 }
-camera: { fps: 5 }
-";
-
 /// It returns what is behind the wall, facing it; what is nowhere is looked for until all is seen, and
 /// the robot has hit nothing.
 #[test]
@@ -412,7 +401,8 @@ fn a_search_of_the_floor_finds_what_is_behind_a_wall_and_ends_when_all_is_seen()
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     file("rooms.yaml", TWO_ROOMS);
-    file("pen.yaml", PEN);
+    let playpen = spykee::sim::World::builtin_yaml("playpen").unwrap();
+    file("pen.yaml", &format!("{playpen}\ncamera: {{ fps: 5 }}\n"));
     let search = "local looked = 0
         local thing, code = require('@spykee/floor').search(function(frame)
             looked += 1
