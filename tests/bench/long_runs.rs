@@ -235,6 +235,7 @@ fn run_soak(args: &SoakArgs) -> Result<bool, Box<dyn Error>> {
                 .map(|seed| (seed, name.clone(), firmware.clone())),
         );
     }
+    let lasts = Duration::from_secs(args.hours * 3600);
     let ledgers = in_parallel(&jobs, args.jobs.into(), |(seed, name, firmware)| {
         println!("{} h unattended, seed {seed}, firmware {name}", args.hours);
         let folder = tempfile::tempdir().unwrap();
@@ -242,7 +243,7 @@ fn run_soak(args: &SoakArgs) -> Result<bool, Box<dyn Error>> {
             let seconds = began.elapsed().as_secs_f64();
             println!("seed {seed:>3} {hour:>4} h  {size}  {seconds:>5.0} s");
         };
-        let ledger = soak::soak(args.hours, *seed, firmware, folder.path(), progress);
+        let ledger = soak::soak(lasts, *seed, firmware, folder.path(), progress);
         println!("seed {seed:>3}, {name}: {}", ledger.summary());
         ledger
     });
@@ -367,7 +368,7 @@ fn run_stops(args: &StopsArgs) -> bool {
             [] => &Driver::ALL,
             asked => asked,
         };
-        let cells = queue::play_all(&queue::SPEEDS, drivers, args.seeds, threads);
+        let cells = queue::play_all(&queue::SPEEDS, drivers, 10.0, args.seeds, threads);
         println!("{}", queue::heading());
         for (trial, cell) in &cells {
             println!("{}", queue::row(trial, cell));

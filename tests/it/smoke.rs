@@ -29,10 +29,11 @@ fn hours_with_faults() {
     let other = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware/all_other.yaml");
     let other = Firmware::load(&other).unwrap();
     let mut total = Ledger::default();
+    let lasts = Duration::from_secs(60 * sized(40, 60));
     let robots = [(1, Firmware::default()), (4, other)];
     for (seed, firmware) in robots.into_iter().take(sized(1, 2)) {
         let folder = tempfile::tempdir().unwrap();
-        let ledger = soak(1, seed, &firmware, folder.path(), &mut |_, _| {});
+        let ledger = soak(lasts, seed, &firmware, folder.path(), &mut |_, _| {});
         println!("seed {seed}: {}", ledger.summary());
         total.add(&format!("seed {seed}"), ledger);
     }
@@ -137,9 +138,12 @@ fn expect_home(mut place: Place, starts: &[Start], least: usize) {
     assert!(row.home >= least, "{table}");
 }
 
+/// Seconds for which a robot at least drives until a STOP.
+const DRIVES: f64 = 4.0;
+
 /// Every STOP on robots of these speeds is executed in time, and nothing moves them afterwards.
 fn expect_stops(speeds: &[Option<f64>], seeds: u64) {
-    let cells = queue::play_all(speeds, &Driver::ALL, seeds, 2);
+    let cells = queue::play_all(speeds, &Driver::ALL, DRIVES, seeds, 2);
     let rows: Vec<String> = cells
         .iter()
         .map(|(trial, cell)| queue::row(trial, cell))
@@ -159,6 +163,7 @@ fn a_robot_that_executes_slowly_does_the_same_with_the_same_seed() {
         speed: Some(5.0),
         driver: Driver::Explore,
         stopper: Stopper::Person,
+        drives: DRIVES,
         seed: 3,
     };
     assert_eq!(queue::play(&trial), queue::play(&trial));

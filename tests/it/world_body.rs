@@ -506,7 +506,7 @@ fn leaves_station(leaves: &str, source: &str) -> Leaving {
     let line = "{through: [[1.5, 1], [4.5, 1], [4.5, 3], [1.5, 3]], closed: true, colour: black}";
     let world = docking_world(
         &station,
-        &format!("camera: {{latency: 0.2, fps: 8}}\nlines: [{line}]"),
+        &format!("camera: {{latency: 0.2, fps: 5}}\nlines: [{line}]"),
     );
     let script = behaviour(source, script::Options::new("leaves", "leaves.lua"));
     let options = simulation::Options::default();

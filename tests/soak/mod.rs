@@ -37,9 +37,9 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(2300);
 /// Before this the process is still growing into its buffers.
 const WARM: Duration = Duration::from_secs(20 * 60);
 
-/// Runs for so many virtual hours on a robot with this firmware. Data of the behaviours goes to `folder`.
+/// Runs for so much virtual time on a robot with this firmware. Data of the behaviours goes to `folder`.
 pub fn soak(
-    hours: u64,
+    lasts: Duration,
     seed: u64,
     firmware: &Firmware,
     folder: &Path,
@@ -60,7 +60,7 @@ pub fn soak(
         let began = Instant::now();
         let mut first = None;
         let mut hour = 0;
-        while began.elapsed() < Duration::from_secs(hours * 3600) {
+        while began.elapsed() < lasts {
             sleep(LOOK_EVERY).await;
             if let Some(what) = faults.blow(simulation.sim(), began.elapsed()) {
                 observer.trouble(simulation.now(), &what);

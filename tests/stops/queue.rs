@@ -114,6 +114,8 @@ pub struct Trial {
     pub speed: Option<f64>,
     pub driver: Driver,
     pub stopper: Stopper,
+    /// The shortest time for which it drives before, seconds; the longest is four times as long.
+    pub drives: f64,
     pub seed: u64,
 }
 
@@ -183,7 +185,10 @@ pub fn play(trial: &Trial) -> Stopped {
         }
         let mut rng = StdRng::seed_from_u64(2 * trial.seed + trial.stopper as u64);
         let ball = (trial.driver == Driver::FollowColour).then(|| move_ball(sim, trial.seed));
-        sleep(Duration::from_secs_f64(rng.random_range(10.0..40.0))).await;
+        sleep(Duration::from_secs_f64(
+            rng.random_range(trial.drives..4.0 * trial.drives),
+        ))
+        .await;
         let asked = simulation.now();
         let from = sim.heard_count();
         let way = sim.state().distance;
@@ -313,10 +318,11 @@ impl fmt::Display for Cell {
     }
 }
 
-/// Plays robots of all these kinds, so many seeds each.
+/// Plays robots of all these kinds, so many seeds each; see [`Trial::drives`].
 pub fn play_all(
     speeds: &[Option<f64>],
     drivers: &[Driver],
+    drives: f64,
     seeds: u64,
     threads: usize,
 ) -> Vec<(Trial, Cell)> {
@@ -328,6 +334,7 @@ pub fn play_all(
                     speed,
                     driver,
                     stopper,
+                    drives,
                     seed,
                 }));
             }

@@ -6,7 +6,7 @@
 use vision::Camera;
 
 use super::floor::PATCH;
-use super::texture::{Pixel, mix};
+use super::texture::Pixel;
 use super::view::{Canvas, HEIGHT, WIDTH};
 use crate::world::settings::CameraSettings;
 
@@ -25,6 +25,8 @@ pub(super) struct Lens {
     pub(super) canvas: Canvas,
     /// Computed for the first frame: most simulated robots never take one.
     sources: Vec<Source>,
+    /// The four pixels around each source of a row, and the weights of the right and the lower ones.
+    row: Box<[Row; 6]>,
     pub(super) frame: Vec<Pixel>,
 }
 
@@ -41,9 +43,11 @@ struct Source {
     /// Index of the upper left pixel.
     index: u32,
     /// Weights of the pixels to the right of it and of those below it, in 256ths.
-    right: u16,
-    below: u16,
+    right: u8,
+    below: u8,
 }
+
+type Row = [Pixel; WIDTH];
 
 impl Lens {
     pub(super) fn new(settings: &CameraSettings) -> Lens {
@@ -52,6 +56,7 @@ impl Lens {
             camera,
             canvas: canvas(&camera),
             sources: Vec::new(),
+            row: Box::new([[[0; 4]; WIDTH]; 6]),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
         }
     }
@@ -62,19 +67,34 @@ impl Lens {
             self.sources = sources(&self.camera, self.canvas);
         }
         let width = self.canvas.width;
-        let at = |index: usize| {
-            rendered
-                .get(index)
-                .map_or(0, |pixel| u32::from_le_bytes(*pixel))
-        };
-        for (pixel, source) in self.frame.iter_mut().zip(&self.sources) {
-            let index = source.index as usize;
-            let right = u32::from(source.right);
-            let below = u32::from(source.below);
-            let upper = mix(at(index), at(index + 1), right);
-            let lower = mix(at(index + width), at(index + width + 1), right);
-            *pixel = mix(upper, lower, below).to_le_bytes();
+        let [upper, upper_right, lower, lower_right, right, below] = &mut *self.row;
+        let rows = self.frame.chunks_exact_mut(WIDTH);
+        for (pixels, sources) in rows.zip(self.sources.chunks_exact(WIDTH)) {
+            for (column, source) in sources.iter().enumerate() {
+                let from = &rendered[source.index as usize..];
+                upper[column] = from[0];
+                upper_right[column] = from[1];
+                lower[column] = from[width];
+                lower_right[column] = from[width + 1];
+                right[column] = [source.right; 4];
+                below[column] = [source.below; 4];
+            }
+            mix_in(upper, upper_right, right);
+            mix_in(lower, lower_right, right);
+            mix_in(upper, lower, below);
+            pixels.copy_from_slice(upper);
         }
+    }
+}
+
+/// Mixes a row with another one, whose share in each byte is given in 256ths.
+fn mix_in(row: &mut Row, other: &Row, shares: &Row) {
+    let others = other.as_flattened().iter().zip(shares.as_flattened());
+    for (byte, (other, share)) in row.as_flattened_mut().iter_mut().zip(others) {
+        // Of 256 shares of a byte each, nothing overflows; with checks the loop handles one byte at a time.
+        let share = u16::from(*share);
+        let sum = u16::from(*byte).wrapping_mul(256_u16.wrapping_sub(share));
+        *byte = (sum.wrapping_add(u16::from(*other).wrapping_mul(share)) >> 8) as u8;
     }
 }
 
@@ -173,8 +193,8 @@ impl Source {
         let y = fixed(ray.down, canvas.horizon, canvas.height);
         Source {
             index: (y >> 8) * canvas.width as u32 + (x >> 8),
-            right: (x & 255) as u16,
-            below: (y & 255) as u16,
+            right: (x & 255) as u8,
+            below: (y & 255) as u8,
         }
     }
 }

@@ -127,7 +127,7 @@ impl Level {
 const EVEN: u32 = 0x00FF_00FF;
 
 /// Like [`between`], for packed pixels.
-pub(crate) fn mix(a: u32, b: u32, share: u32) -> u32 {
+fn mix(a: u32, b: u32, share: u32) -> u32 {
     let rest = 256 - share;
     // Of 256 shares of a byte each, nothing overflows; the checks would take most of the time in tests.
     let two = |a: u32, b: u32| {
