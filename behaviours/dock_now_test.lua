@@ -7,14 +7,14 @@ local function docks(sim, seconds)
 	expect(#sim:log("on the station and charging") == 1)
 end
 
-scenario("docks from anywhere in the living room", function(sim)
+scenario("docks from anywhere in the living room", { fps = 8 }, function(sim)
 	sim:place({ x = 0.7 + 2.4 * math.random(), y = 1 + 2.8 * math.random(), heading = 2 * math.pi * math.random() })
 	docks(sim, 200)
 end)
 
 -- A genuine robot's receivers do not reach so far: it looks for its station and drives nearer, while
 -- somebody walks to and fro before it.
-scenario("docks through a door", { world = "hall", limit = 1000 }, function(sim)
+scenario("docks through a door", { world = "hall", fps = 8, limit = 1000 }, function(sim)
 	sim:place({ x = 3.7 + 1.5 * math.random(), y = 2.4 + 0.6 * math.random(), heading = 2 * math.pi * math.random() })
 	docks(sim, 900)
 end)

@@ -90,7 +90,7 @@ scenario("a restart continues with the leg that was not finished", { battery = 9
 	expect(legs(sim)[before + 1] == "round 1, leg 3", `the next is leg 3, not {legs(sim)[before + 1]}`)
 end)
 
-scenario("finds its station from a place that the beacon does not reach", { battery = 31, limit = 900 }, function(sim)
+scenario("finds its station from a place that the beacon does not reach", { battery = 31, fps = 8, limit = 900 }, function(sim)
 	sim:place({ x = 0.35, y = 3.6, heading = 2 * math.pi * math.random() })
 	sim:run("patrol.lua")
 	expect(sim:wait_until(refilled(sim, 29, sim.docked), 800), "it drives to a place from which it finds the station")

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use spykee::safety::{Limits, PowerMeaning, Rescue};
-use spykee::sim::{PowerReading, State, World};
+use spykee::sim::{self, PowerReading, State, World};
 use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Engage, Led, Stream};
 use tokio::time::{sleep, timeout};
@@ -34,6 +34,10 @@ fn options(rescue: Rescue) -> simulation::Options {
     };
     simulation::Options {
         limits,
+        sim: sim::Options {
+            fps: Some(5.0),
+            ..sim::Options::default()
+        },
         ..simulation::Options::default()
     }
 }
