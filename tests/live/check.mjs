@@ -18,7 +18,7 @@ const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const root = path.resolve(path.dirname(fileURLToPath(import.meta.url)), "../..");
 const WAIT_LIMIT = 30_000;
 /** So many promises are put to the test side by side: they mostly wait. */
-const AT_ONCE = 3;
+const AT_ONCE = 4;
 /** The processes of the promise that is put to the test. */
 const processes = new AsyncLocalStorage();
 /** Also the cases that take minutes, and every view, in light and dark. */
