@@ -29,7 +29,7 @@ fn hours_with_faults() {
     let other = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware/all_other.yaml");
     let other = Firmware::load(&other).unwrap();
     let mut total = Ledger::default();
-    let lasts = Duration::from_secs(60 * sized(40, 60));
+    let lasts = Duration::from_secs(60 * sized(30, 60));
     let robots = [(1, Firmware::default()), (4, other)];
     for (seed, firmware) in robots.into_iter().take(sized(1, 2)) {
         let folder = tempfile::tempdir().unwrap();
