@@ -212,8 +212,6 @@ mod tests {
     }
 
     proptest! {
-        // Each case opens up to 400 connections.
-        #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
         fn there_are_never_too_many_and_the_newest_is_never_closed(
             owners in prop::collection::vec((1..100_u8, 0..3_u8), 1..400)

@@ -368,7 +368,7 @@ fn run_stops(args: &StopsArgs) -> bool {
             [] => &Driver::ALL,
             asked => asked,
         };
-        let cells = queue::play_all(&queue::SPEEDS, drivers, 10.0, args.seeds, threads);
+        let cells = queue::play_all(&queue::SPEEDS, drivers, queue::DRIVES, args.seeds, threads);
         println!("{}", queue::heading());
         for (trial, cell) in &cells {
             println!("{}", queue::row(trial, cell));

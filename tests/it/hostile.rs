@@ -16,7 +16,9 @@ use serde_json::Value;
 use spykee::wire::{Command, EngineReport, Led, Report};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{Rig, Run, Stopwatch, WAIT_LIMIT, longest_stall, moves, run_spykee};
+use crate::rig::{
+    Rig, Run, STOPPED_FOR_SILENCE, Stopwatch, WAIT_LIMIT, longest_stall, moves, run_spykee,
+};
 
 /// From the mark, which is set before an attack begins, to the stop of the tracks. On a busy
 /// machine, hosts are scheduled after everything else.
@@ -32,8 +34,6 @@ const BEAT: Duration = Duration::from_millis(50);
 const BEATS_KEPT: u128 = 95;
 /// The permitted growth of the agent's memory, over all attacks of a kind.
 const GROWTH_KIB: i64 = 4 * 1024;
-/// What the watchdog logs when it stops the tracks because their script is silent.
-const STOPPED_FOR_SILENCE: &str = "watchdog: a script showed no life";
 /// The ENGINE code that starts the first attack; the protocol does not use it.
 const FIRST_TURN: u8 = 100;
 

@@ -513,7 +513,7 @@ impl Run {
         const SIGNS: [&str; 3] = [
             "the machine stalled for",
             "this program hung",
-            "showed no life for 250 ms",
+            STOPPED_FOR_SILENCE,
         ];
         // The newest lines may still be on their way.
         for _ in 0..20 {
@@ -623,6 +623,9 @@ pub fn in_a_process_of_its_own(test: &str) {
         "{text}"
     );
 }
+
+/// What the watchdog logs when it stops the tracks because their script is silent.
+pub const STOPPED_FOR_SILENCE: &str = "a script showed no life for 250 ms";
 
 /// The size of a test that `scripts/nightly` plays at full length.
 pub fn sized<T>(on_push: T, nightly: T) -> T {

@@ -138,12 +138,10 @@ fn expect_home(mut place: Place, starts: &[Start], least: usize) {
     assert!(row.home >= least, "{table}");
 }
 
-/// Seconds for which a robot at least drives until a STOP.
-const DRIVES: f64 = 4.0;
-
 /// Every STOP on robots of these speeds is executed in time, and nothing moves them afterwards.
 fn expect_stops(speeds: &[Option<f64>], seeds: u64) {
-    let cells = queue::play_all(speeds, &Driver::ALL, DRIVES, seeds, 2);
+    let drives = sized(4.0, queue::DRIVES);
+    let cells = queue::play_all(speeds, &Driver::ALL, drives, seeds, 2);
     let rows: Vec<String> = cells
         .iter()
         .map(|(trial, cell)| queue::row(trial, cell))
@@ -163,7 +161,7 @@ fn a_robot_that_executes_slowly_does_the_same_with_the_same_seed() {
         speed: Some(5.0),
         driver: Driver::Explore,
         stopper: Stopper::Person,
-        drives: DRIVES,
+        drives: sized(4.0, queue::DRIVES),
         seed: 3,
     };
     assert_eq!(queue::play(&trial), queue::play(&trial));

@@ -17,7 +17,7 @@ const WebSocket = require("ws");
 const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const root = path.resolve(path.dirname(fileURLToPath(import.meta.url)), "../..");
 const WAIT_LIMIT = 30_000;
-/** So many promises are put to the test side by side: they mostly wait. */
+/** So many promises are put to the test side by side. */
 const AT_ONCE = 4;
 /** The processes of the promise that is put to the test. */
 const processes = new AsyncLocalStorage();

@@ -27,6 +27,8 @@ pub const SPEEDS: [Option<f64>; 6] = [
     Some(20.0),
     None,
 ];
+/// The least [`Trial::drives`] of a long run, seconds.
+pub const DRIVES: f64 = 10.0;
 /// A behaviour that does not drive by then is not measured.
 const START_LIMIT: Duration = Duration::from_secs(60);
 /// A STOP that is not executed by then is lost.

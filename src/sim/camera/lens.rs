@@ -91,7 +91,8 @@ impl Lens {
 fn mix_in(row: &mut Row, other: &Row, shares: &Row) {
     let others = other.as_flattened().iter().zip(shares.as_flattened());
     for (byte, (other, share)) in row.as_flattened_mut().iter_mut().zip(others) {
-        // Of 256 shares of a byte each, nothing overflows; with checks the loop handles one byte at a time.
+        // Of 256 shares of a byte each, nothing overflows; with checks the loop handles one byte at a
+        // time.
         let share = u16::from(*share);
         let sum = u16::from(*byte).wrapping_mul(256_u16.wrapping_sub(share));
         *byte = (sum.wrapping_add(u16::from(*other).wrapping_mul(share)) >> 8) as u8;
