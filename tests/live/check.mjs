@@ -9,6 +9,7 @@ import { createRequire } from "node:module";
 import os from "node:os";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
+import { executablePath } from "./browser.mjs";
 
 const [spykee, tools, pictures, only = "", retries = "0"] = process.argv.slice(2);
 const require = createRequire(path.join(tools, "/"));
@@ -1333,7 +1334,8 @@ async function usable(page, name) {
 }
 
 const launch = () => chromium.launch({
-  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
+  executablePath,
+  args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1, MAP *.local 127.0.0.1"],
 });
 
 /** Puts a promise to the test; whether it holds. */

@@ -6,6 +6,7 @@ import net from "node:net";
 import { createRequire } from "node:module";
 import os from "node:os";
 import path from "node:path";
+import { executablePath } from "./browser.mjs";
 
 const [spykee, tools, learners, pages] = process.argv.slice(2);
 const require = createRequire(path.join(tools, "/"));
@@ -236,7 +237,7 @@ async function measure() {
   const server = await Server.start();
   const teacher = new Person(server, { authorization: `Bearer ${server.token}` }, "teacher");
   await admitAll(teacher);
-  const browser = await chromium.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox"] });
+  const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
   const first = await openPage(browser, server, "page1");
   note("from the command to the first learner's moving robot", (await pressRun(first, teacher) - server.began) / 1000, 60, "s");
   const opened = [first];

@@ -9,6 +9,7 @@ import { createRequire } from "node:module";
 import os from "node:os";
 import path from "node:path";
 import { fileURLToPath, pathToFileURL } from "node:url";
+import { executablePath } from "./browser.mjs";
 
 const [spykee, tools, pictures, only = ""] = process.argv.slice(2);
 const require = createRequire(path.join(tools, "/"));
@@ -70,7 +71,7 @@ const server = http.createServer(({ url }, response) => {
   response.end(text);
 });
 await new Promise((resolve) => server.listen(0, "127.0.0.1", resolve));
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM || "/usr/bin/chromium", args: ["--no-sandbox"] });
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox"] });
 
 /** A page with an editor or blocks on it, which may neither fail nor want more than the policy allows. */
 async function onPage({ language = "en", size = [1280, 800], dark = false, touch = false } = {}, test) {
