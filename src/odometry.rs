@@ -2,6 +2,7 @@
 //! camera: dead reckoning, corrected by the turns that the camera sees. Knows nothing of scripts.
 
 mod blockage;
+mod tracks;
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -13,6 +14,9 @@ use tokio::time::Instant;
 use crate::vision::{Drive, Skyline};
 
 pub(crate) use blockage::{Blockage, TimedMotion};
+pub(crate) use tracks::ACCELERATION;
+
+use tracks::Tracks;
 
 /// Slip of the tracks on an unknown floor: metres per metre, radians per radian, and radians by
 /// which they veer per metre.
@@ -87,6 +91,7 @@ pub(crate) struct Odometry {
     pose: Pose,
     at: Instant,
     last_script_motion: Option<Instant>,
+    tracks: Tracks,
     /// Metres that the tracks have covered for the script so far; backward motion counts as
     /// negative.
     odometer: f64,
@@ -101,11 +106,12 @@ pub(crate) struct Odometry {
 }
 
 impl Odometry {
-    pub(crate) fn new(now: Instant, full_speed: f64) -> Odometry {
+    pub(crate) fn new(now: Instant, full_speed: f64, track_width: f64) -> Odometry {
         Odometry {
             pose: Pose::default(),
             at: now,
             last_script_motion: None,
+            tracks: Tracks::new(track_width),
             odometer: 0.0,
             full_speed,
             travel: Travel::new(now),
@@ -132,31 +138,35 @@ impl Odometry {
     /// Advances the pose to `now`, driven by `driver` since the last call.
     pub(crate) fn advance(&mut self, now: Instant, driver: Driver) {
         let end = self.at.max(now);
-        let seconds = (end - self.at).as_secs_f64();
-        self.at = end;
-        let mut turn = 0.0;
-        let mut way = 0.0;
-        match driver {
-            Driver::None => {}
+        let began = std::mem::replace(&mut self.at, end);
+        let wanted = match driver {
             Driver::Script(drive) => {
                 self.last_script_motion = Some(end);
-                turn = drive.turn * seconds;
-                way = drive.forward * seconds;
-                self.odometer += way;
-                self.pose = self.pose.after(way, turn);
-                self.pose
-                    .increase_heading_error(TURN_SLIP * turn.abs() + VEER * way.abs());
+                drive
             }
-            Driver::Other => {
-                let last = self.last_script_motion;
-                if last.is_none_or(|last| end - last >= GRACE) {
-                    self.pose.error += self.full_speed * seconds;
-                    self.pose
-                        .increase_heading_error(FOREIGN_TURN_RATE * seconds);
-                }
-            }
+            Driver::None | Driver::Other => Drive::STILL,
+        };
+        self.run_tracks(wanted, began, end);
+        let is_own = |last: Instant| end - last < GRACE;
+        if driver == Driver::Other && !self.last_script_motion.is_some_and(is_own) {
+            let seconds = (end - began).as_secs_f64();
+            self.pose.error += self.full_speed * seconds;
+            self.pose
+                .increase_heading_error(FOREIGN_TURN_RATE * seconds);
         }
-        self.travel.add(end, turn, way);
+    }
+
+    fn run_tracks(&mut self, wanted: Drive, began: Instant, end: Instant) {
+        let mut passed = 0.0;
+        for part in self.tracks.run(wanted, (end - began).as_secs_f64()) {
+            self.odometer += part.way;
+            self.pose = self.pose.after(part.way, part.turn);
+            self.pose
+                .increase_heading_error(TURN_SLIP * part.turn.abs() + VEER * part.way.abs());
+            passed += part.seconds;
+            let at = began + Duration::try_from_secs_f64(passed).unwrap_or_default();
+            self.travel.add(at.min(end), part.turn, part.way);
+        }
     }
 
     pub(crate) fn mark(&mut self, at: Instant) {
@@ -239,6 +249,7 @@ impl Odometry {
         if let Some((_, stood)) = before {
             let heading = self.pose.heading;
             self.pose = Pose { heading, ..*stood };
+            self.tracks.stop();
             self.marks.clear();
         }
     }
@@ -402,7 +413,7 @@ mod tests {
 
     fn odometry() -> (Odometry, Instant) {
         let now = Instant::now();
-        (Odometry::new(now, 0.45), now)
+        (Odometry::new(now, 0.45, 0.24), now)
     }
 
     fn near(one: f64, other: f64) -> bool {
@@ -430,6 +441,7 @@ mod tests {
             (arc, 10, -0.8, 1.2),
         ] {
             drive(&mut odometry, &mut now, driver, seconds);
+            drive(&mut odometry, &mut now, Driver::None, 1);
             let pose = odometry.pose();
             assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
         }

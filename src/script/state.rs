@@ -138,7 +138,8 @@ impl State {
         let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let frames = FrameState::new(&options);
-        let odometry = Odometry::new(now, options.calibration.full_speed);
+        let calibration = options.calibration;
+        let odometry = Odometry::new(now, calibration.full_speed, calibration.track_width);
         State {
             options,
             failure_log: FailureLog::default(),

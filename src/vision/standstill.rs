@@ -54,6 +54,14 @@ pub struct Drive {
     pub turn: f64,
 }
 
+impl Drive {
+    /// Tracks that stand.
+    pub const STILL: Drive = Drive {
+        forward: 0.0,
+        turn: 0.0,
+    };
+}
+
 /// The result of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
+use crate::odometry::ACCELERATION;
 use crate::robot::{DockPlan, Intent, MotionEnd, Setpoint};
 
 pub(super) const NATIVES: &Natives = &[
@@ -33,10 +34,6 @@ const USUAL: f64 = 0.5;
 /// A setpoint whose faster track would have less than this share of the least power stands: small
 /// corrections would else swing the robot to and fro.
 const STANDS: f64 = 1.0 / 3.0;
-
-/// Deceleration that is assumed of a track when it stops, in metres per second squared. That of a
-/// real robot was not measured.
-const DECELERATION: f64 = 1.5;
 
 /// Speeds of the tracks, in metres per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,7 +159,7 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: TrackSpeeds, speed: f64) -> Nat
         return call.reply((true, MotionEnd::Done.name()));
     }
     let time = Duration::from_secs_f64(seconds);
-    let runs_on = Duration::from_secs_f64(tracks.fastest() * factor / DECELERATION);
+    let runs_on = Duration::from_secs_f64(tracks.fastest() * factor / ACCELERATION);
     start_motion(call, setpoint, Some(time), runs_on)
 }
 
