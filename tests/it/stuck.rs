@@ -157,7 +157,7 @@ fn the_pose_is_right_where_a_turn_goes_over_into_a_line_without_a_stop() {
         off,
         ..
     } = Estimate::new(&told, start, end);
-    // Without the ramps of the tracks it is off by 21 degrees: the inner track turns round late.
+    // Without the ramps of the tracks it is off by 16 degrees: the inner track turns round late.
     assert!(
         turned > 470.0 && heading_off < 5.0,
         "{turned}, {heading_off}"
