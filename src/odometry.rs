@@ -158,7 +158,8 @@ impl Odometry {
 
     fn run_tracks(&mut self, wanted: Drive, began: Instant, end: Instant) {
         let mut passed = 0.0;
-        for part in self.tracks.run(wanted, (end - began).as_secs_f64()) {
+        let parts = self.tracks.run(wanted, (end - began).as_secs_f64());
+        for part in parts.into_iter().filter(|part| part.seconds > 0.0) {
             self.odometer += part.way;
             self.pose = self.pose.after(part.way, part.turn);
             self.pose
