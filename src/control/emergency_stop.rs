@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, test_kill_process};
 use tokio::sync::{mpsc, oneshot, watch};
-use tokio::time::{sleep, timeout};
+use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
@@ -39,7 +39,8 @@ const MAX_JOBS: usize = 8;
 /// A person's STOP. All clones are one.
 #[derive(Debug, Clone, Default)]
 pub struct EmergencyStop {
-    on: watch::Sender<bool>,
+    /// Since when it holds.
+    on: watch::Sender<Option<Instant>>,
     /// Learns who pressed and who released.
     bus: Bus,
     /// Without one, as in simulations, STOP ends with its program.
@@ -76,7 +77,7 @@ impl EmergencyStop {
                 path.display()
             );
         }
-        let on = watch::Sender::new(kept);
+        let on = watch::Sender::new(kept.then(Instant::now));
         let (jobs, received) = mpsc::channel(MAX_JOBS);
         let file = StopFile {
             data: data.to_owned(),
@@ -130,12 +131,21 @@ impl EmergencyStop {
     }
 
     pub fn is_on(&self) -> bool {
-        *self.on.borrow()
+        self.on.borrow().is_some()
     }
 
-    /// Whether STOP holds, now and later.
-    pub fn watch(&self) -> watch::Receiver<bool> {
+    /// Since when STOP holds, now and later.
+    pub fn watch(&self) -> watch::Receiver<Option<Instant>> {
         self.on.subscribe()
+    }
+
+    /// Whether it holds, but a program that starts now may not hold it yet: the disk has not
+    /// answered. False again when its time is over.
+    pub fn is_being_kept(&self) -> bool {
+        let since = *self.on.borrow();
+        let waits = |since: Instant| since.elapsed() < KEEP_LIMIT;
+        let file = self.file.as_ref();
+        since.is_some_and(waits) && file.is_some_and(|file| *file.kept.borrow() == Some(false))
     }
 
     /// Engages it, in the name of `by`: latches and tells the pilot at once, then waits until the
@@ -184,7 +194,7 @@ impl EmergencyStop {
     /// Repeats to a pilot that was too busy what holds now.
     pub(super) fn repeat(&self, place: mpsc::Permit<'_, Request>) {
         self.on.send_if_modified(|on| {
-            place.send(Request::EmergencyStop(*on));
+            place.send(Request::EmergencyStop(on.is_some()));
             false
         });
     }
@@ -194,7 +204,11 @@ impl EmergencyStop {
     fn set(&self, on: bool, tell_pilot: impl FnOnce()) -> bool {
         self.on.send_if_modified(|was| {
             tell_pilot();
-            std::mem::replace(was, on) != on
+            let changes = was.is_some() != on;
+            if changes {
+                *was = on.then(Instant::now);
+            }
+            changes
         })
     }
 
@@ -232,7 +246,7 @@ fn is_absent(error: &io::Error) -> bool {
 
 struct StopFile {
     data: PathBuf,
-    wanted: watch::Receiver<bool>,
+    wanted: watch::Receiver<Option<Instant>>,
     /// Whether the file is there; unknown after an error.
     kept: watch::Sender<Option<bool>>,
     /// Name of this process's spare file.
@@ -269,7 +283,7 @@ impl StopFile {
                 () = sleep(pause) => {
                     // It was logged when it failed first.
                     let _ = self.sync();
-                    if !*self.wanted.borrow() {
+                    if self.wanted.borrow().is_none() {
                         self.prepare();
                     }
                 }
@@ -280,7 +294,7 @@ impl StopFile {
 
     /// Makes the file as wanted.
     fn sync(&self) -> io::Result<()> {
-        let wanted = *self.wanted.borrow();
+        let wanted = self.wanted.borrow().is_some();
         let synced = if !wanted {
             EmergencyStop::remove(&self.data).map(|_| ())
         } else if EmergencyStop::is_kept(&self.data) {
@@ -478,8 +492,49 @@ mod tests {
         let stop = EmergencyStop::default();
         let mut seen = stop.watch();
         assert_eq!(engage(&stop).await, StopKept::WithProgram);
-        assert!(stop.is_on() && *seen.borrow_and_update());
+        assert!(stop.is_on() && seen.borrow_and_update().is_some());
+        assert!(!stop.is_being_kept(), "nothing keeps it");
         stop.reset("a test", || ()).await.unwrap();
-        assert!(!stop.is_on() && !*seen.borrow_and_update());
+        assert!(!stop.is_on() && seen.borrow_and_update().is_none());
+    }
+
+    #[tokio::test]
+    async fn a_stop_that_holds_but_is_not_kept_yet_is_known_as_such() {
+        let home = tempfile::tempdir().unwrap();
+        let data = home.path().join("data");
+        for _ in 0..20 {
+            let stop = EmergencyStop::open(&data, &Bus::default());
+            let engaged = engage(&stop);
+            let seen = async {
+                while !stop.is_on() || stop.is_being_kept() {
+                    tokio::task::yield_now().await;
+                }
+                EmergencyStop::is_kept(&data)
+            };
+            let (kept, is_kept) = tokio::join!(engaged, seen);
+            assert_eq!((kept, is_kept), (StopKept::Yes, true));
+            stop.reset("a test", || ()).await.unwrap();
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_disk_that_never_answers_does_not_delay_what_is_told_of_a_stop() {
+        let (jobs, _hangs) = mpsc::channel(MAX_JOBS);
+        let (_unknown, kept) = watch::channel(Some(false));
+        let thread = None;
+        let stop = EmergencyStop {
+            file: Some(StopFileHandle { jobs, kept, thread }),
+            ..EmergencyStop::default()
+        };
+        assert!(!stop.is_being_kept());
+        let engaged = engage(&stop);
+        let early = async {
+            while !stop.is_on() {
+                tokio::task::yield_now().await;
+            }
+            stop.is_being_kept()
+        };
+        assert_eq!(tokio::join!(engaged, early), (StopKept::NotYet, true));
+        assert!(!stop.is_being_kept());
     }
 }

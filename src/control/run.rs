@@ -482,6 +482,11 @@ impl Run {
             battery.minutes_left = battery.minutes_left.map(f32::round);
         }
         let percent = |power: i8| (f32::from(power) / 0.9).round() as i8;
+        let stop_confirmation = if self.emergency_stop.is_being_kept() {
+            StopConfirmation::Sending
+        } else {
+            status.stop
+        };
         let tracks = status.actuators.tracks;
         RunStatus {
             process: std::process::id(),
@@ -496,7 +501,7 @@ impl Run {
             docked: status.docked,
             low: status.low,
             emergency_stop: status.emergency_stop,
-            stop_confirmation: status.stop,
+            stop_confirmation,
             battery,
             battery_age: status
                 .level_told

@@ -38,7 +38,7 @@ pub struct RunStatus {
     pub low: bool,
     /// Whether a person's STOP holds.
     pub emergency_stop: bool,
-    /// What is known of that STOP at the robot.
+    /// What is known of that STOP at the robot; `sending` also until the disk has kept it.
     pub stop_confirmation: StopConfirmation,
     /// The battery, if a plausible level is known.
     pub battery: Option<Battery>,

@@ -163,11 +163,11 @@ impl Broadcast {
     /// lock from the viewer that drives.
     async fn hold_tracks(&self) {
         let mut stopped = self.run.emergency_stop.watch();
-        while stopped.wait_for(|stopped| *stopped).await.is_ok() {
+        while stopped.wait_for(Option::is_some).await.is_ok() {
             self.lock_viewers().driver = None;
             hold_tracks(self.run.clone(), stopped.clone()).await;
             // It may have ended early, with the run.
-            let _ = stopped.wait_for(|stopped| !stopped).await;
+            let _ = stopped.wait_for(Option::is_none).await;
         }
     }
 

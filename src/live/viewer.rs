@@ -265,7 +265,7 @@ async fn steer(
 
 /// Holds the tracks with a separate client of the pilot while STOP is set: behaviours, which have a
 /// lower priority, do not get the tracks and are informed of that.
-pub(super) async fn hold_tracks(run: Run, mut held: watch::Receiver<bool>) {
+pub(super) async fn hold_tracks(run: Run, mut held: watch::Receiver<Option<Instant>>) {
     let holding = async {
         let mut client = run.pilot_client("STOP").await?;
         let mut heartbeat = every(HEARTBEAT_INTERVAL);
@@ -293,6 +293,6 @@ pub(super) async fn hold_tracks(run: Run, mut held: watch::Receiver<bool>) {
 }
 
 /// Waits until STOP is released; also returns if the server has ended.
-async fn until_free(held: &mut watch::Receiver<bool>) {
-    let _ = held.wait_for(|held| !held).await;
+async fn until_free(held: &mut watch::Receiver<Option<Instant>>) {
+    let _ = held.wait_for(Option::is_none).await;
 }

@@ -177,8 +177,10 @@ async fn press(way: usize, rig: &Rig, page: &str, broker: Option<(&Subscriber, u
         (0, _) => {
             let mut page = Page::open(page, "").await.unwrap();
             page.send_text("{\"type\":\"stop\"}").await;
-            page.until("state", |state| state["emergency_stop"] == true)
-                .await;
+            let is_answered = |state: &Value| {
+                state["emergency_stop"] == true && state["stop_confirmation"] != "sending"
+            };
+            page.until("state", is_answered).await;
         }
         (1, _) => {
             let text = succeed(rig, &["robot", "stop"]).await;
