@@ -66,6 +66,38 @@ fn a_robot_at_a_wall_is_blocked_and_one_with_room_is_not() {
     }
 }
 
+/// A robot that something holds by one track turns there: its pictures change, but do not grow.
+#[test]
+fn pictures_grow_on_a_way_and_not_in_a_turn_on_the_spot() {
+    let script = "
+        local compass = require('@spykee/compass')
+        robot.stream('video', true)
+        local function standing()
+            task.wait(1)
+            return compass.profile(robot.wait_frame(5))
+        end
+        local first, still, driven = standing(), 0, 0
+        for _, degrees in { 3, -4, 2, -3 } do
+            robot.turn(math.rad(degrees))
+            local turned = standing()
+            still += compass.growth(first, turned) / 4
+            robot.forward(0.35, 0.13)
+            first = standing()
+            driven += compass.growth(turned, first) / 4
+        end
+        print(still, driven)";
+    for pose in [at(1.0, 1.5, 0.0), at(2.0, 1.0, 100.0), at(5.5, 2.5, 200.0)] {
+        let (told, end) = play("living_room", pose, script, 1);
+        let (still, driven) = told[0].split_once(' ').unwrap();
+        let [still, driven] = [still, driven].map(|mean| mean.parse::<f64>().unwrap());
+        // Close to a wall, the camera, ahead of the robot's middle, moves a little in a turn.
+        assert!(
+            still < 0.1 && driven > still + 0.5,
+            "{pose:?} to {end:?}: {told:?}"
+        );
+    }
+}
+
 /// A script that makes one motion and prints its duration in seconds and its result code.
 fn moves(motion: &str) -> String {
     format!(

@@ -194,6 +194,7 @@ fn the_modules_take_a_frame_of_8x8_which_shows_no_free_floor() {
          local texture = floor.texture(f)
          print(floor.look(f).ahead, floor.look(f).known, floor.nearest(f), floor.differs(texture, texture))
          local profile = compass.profile(f) compass.turned(profile, profile, 0, 1)
+         compass.growth(profile, profile)
          require('@spykee/station').find(f)
          local whereabouts = require('@spykee/whereabouts')
          whereabouts.begin_watching() whereabouts.watch(f)",

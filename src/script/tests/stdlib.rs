@@ -391,3 +391,32 @@ fn the_compass_finds_the_period_of_an_even_turn_from_what_looks_the_same() {
     );
     assert_eq!(rig.texts(), ["true", "true", "nil"]);
 }
+
+#[test]
+fn the_compass_tells_coming_nearer_from_turning_on_the_spot() {
+    let rig = lasting(
+        1.0,
+        "local compass = require('@spykee/compass')
+         local function profile(size, turned, brightness)
+             local list = {}
+             for place = -14, 14 do
+                 table.insert(list, brightness(place / size + turned))
+             end
+             return list
+         end
+         local function room(there) return 0.5 + 0.2 * math.sin(there / 2) + 0.1 * math.sin(there + 1) end
+         local function wall(there) return 0.5 + 0.001 * (there * 7 % 3) end
+         local function growth(size, turned, brightness)
+             return compass.growth(profile(1, 0, brightness), profile(size, turned, brightness))
+         end
+         for _, turned in { -4.3, 0, 5.2 } do
+             print(growth(1.12, turned, room) > 0.5, growth(1, turned, room) < -0.5)
+         end
+         print(math.abs(growth(1.12, 0, wall)) < 0.2, math.abs(growth(1, 0, wall)) < 0.2)
+         print(compass.growth({}, {}))",
+    );
+    assert_eq!(
+        rig.texts(),
+        ["true true", "true true", "true true", "true true", "0"]
+    );
+}
