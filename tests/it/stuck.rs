@@ -80,10 +80,10 @@ fn pictures_grow_on_a_way_and_not_in_a_turn_on_the_spot() {
         for _, degrees in { 3, -4, 2, -3 } do
             robot.turn(math.rad(degrees))
             local turned = standing()
-            still += compass.growth(first, turned) / 4
+            still += (compass.growth(first, turned)) / 4
             robot.forward(0.35, 0.13)
             first = standing()
-            driven += compass.growth(turned, first) / 4
+            driven += (compass.growth(turned, first)) / 4
         end
         print(still, driven)";
     for pose in [at(1.0, 1.5, 0.0), at(2.0, 1.0, 100.0), at(5.5, 2.5, 200.0)] {

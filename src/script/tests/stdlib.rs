@@ -406,17 +406,19 @@ fn the_compass_tells_coming_nearer_from_turning_on_the_spot() {
          end
          local function room(there) return 0.5 + 0.2 * math.sin(there / 2) + 0.1 * math.sin(there + 1) end
          local function wall(there) return 0.5 + 0.001 * (there * 7 % 3) end
-         local function growth(size, turned, brightness)
-             return compass.growth(profile(1, 0, brightness), profile(size, turned, brightness))
+         local function shows(size, turned, brightness)
+             local larger, nearer = compass.growth(profile(1, 0, brightness), profile(size, turned, brightness))
+             local says = function(number) return if number > 0.2 then '+' elseif number < -0.2 then '-' else '0' end
+             return says(larger) .. says(nearer)
          end
-         for _, turned in { -4.3, 0, 5.2 } do
-             print(growth(1.12, turned, room) > 0.5, growth(1, turned, room) < -0.5)
+         for _, turned in { -4.5, 0, 5.5 } do
+             print(shows(1.12, turned, room), shows(1, turned, room), shows(1.02, turned, room))
          end
-         print(math.abs(growth(1.12, 0, wall)) < 0.2, math.abs(growth(1, 0, wall)) < 0.2)
+         print(shows(1.12, 0, wall), shows(1, 0, wall))
          print(compass.growth({}, {}))",
     );
     assert_eq!(
         rig.texts(),
-        ["true true", "true true", "true true", "true true", "0"]
+        ["++ -0 -+", "++ -0 -+", "++ -0 -+", "00 00", "0 0"]
     );
 }
