@@ -498,7 +498,13 @@ async fn the_robot_stops_when_every_process_of_the_programs_name_is_killed() {
 async fn another_guardian_starts_though_the_programs_file_was_replaced() {
     let rig = Rig::quiet().await;
     let program = rig.folder().join("program");
-    std::fs::copy(env!("CARGO_BIN_EXE_spykee"), &program).unwrap();
+    // A file that this process writes cannot be run while a child of another test, just forked,
+    // has it open, too.
+    let copied = std::process::Command::new("cp")
+        .arg(env!("CARGO_BIN_EXE_spykee"))
+        .arg(&program)
+        .status();
+    assert!(copied.unwrap().success());
     let script = rig.file("script.lua", DRIVE_ON);
     let mut agent = std::process::Command::new(&program)
         .args(["run", script.to_str().unwrap(), "--robot", &rig.address])
