@@ -40,6 +40,13 @@ const LEAST_REACH: f64 = 0.15;
 const REACH: f64 = 0.6;
 /// Turn rate in radians per second that is assumed while something else drives the robot.
 const FOREIGN_TURN_RATE: f64 = 2.0;
+/// Bounds of the share of the commanded motion that the robot makes.
+const LEAST_RESPONSE: f64 = 0.4;
+const MOST_RESPONSE: f64 = 1.2;
+/// The weight of the assumption that it makes all of it, and the greatest weight of earlier pictures: the
+/// sum of the squares of the turns between pictures, radians squared.
+const ASSUMED_WEIGHT: f64 = 0.05;
+const MAX_WEIGHT: f64 = 1.0;
 /// Motion that is not the script's counts only from this long after the script's own motion,
 /// because the report that its own motion has ended arrives as late as this.
 const GRACE: Duration = Duration::from_millis(300);
@@ -92,6 +99,7 @@ pub(crate) struct Odometry {
     at: Instant,
     last_script_motion: Option<Instant>,
     tracks: Tracks,
+    response: Response,
     /// Metres that the tracks have covered for the script so far; backward motion counts as
     /// negative.
     odometer: f64,
@@ -112,6 +120,7 @@ impl Odometry {
             at: now,
             last_script_motion: None,
             tracks: Tracks::new(track_width),
+            response: Response::default(),
             odometer: 0.0,
             full_speed,
             travel: Travel::new(now),
@@ -159,14 +168,16 @@ impl Odometry {
     fn run_tracks(&mut self, wanted: Drive, began: Instant, end: Instant) {
         let mut passed = 0.0;
         let parts = self.tracks.run(wanted, (end - began).as_secs_f64());
+        let response = self.response.share();
         for part in parts.into_iter().filter(|part| part.seconds > 0.0) {
-            self.odometer += part.way;
-            self.pose = self.pose.after(part.way, part.turn);
+            let (way, turn) = (response * part.way, response * part.turn);
+            self.odometer += way;
+            self.pose = self.pose.after(way, turn);
             self.pose
-                .increase_heading_error(TURN_SLIP * part.turn.abs() + VEER * part.way.abs());
+                .increase_heading_error(TURN_SLIP * turn.abs() + VEER * way.abs());
             passed += part.seconds;
             let at = began + Duration::try_from_secs_f64(passed).unwrap_or_default();
-            self.travel.add(at.min(end), part.turn, part.way);
+            self.travel.add(at.min(end), turn, way);
         }
     }
 
@@ -237,6 +248,8 @@ impl Odometry {
         if off.abs() > OUTLIER * (tracks + camera).sqrt() {
             return;
         }
+        let only_turned = (SEEN_TURN * turned).powi(2) / camera;
+        self.response.note(seen, made.turn, only_turned);
         let gain = tracks / (tracks + camera);
         self.pose.heading += gain * off;
         let decrease = gain * (TURN_SLIP - SEEN_TURN) * turned;
@@ -275,6 +288,41 @@ impl Pose {
 
     fn increase_heading_error(&mut self, by: f64) {
         self.heading_error = (self.heading_error + by).min(PI);
+    }
+}
+
+/// Which share of the commanded motion the robot makes, from the turns that the camera has seen: a low battery
+/// and a soft floor slow down turns and ways alike.
+#[derive(Debug, Clone, Copy)]
+struct Response {
+    /// Sums over the pictures, in radians squared, the newest with the full weight: of the turns seen times
+    /// the turns commanded, and of the squares of the turns commanded.
+    seen: f64,
+    commanded: f64,
+}
+
+impl Default for Response {
+    fn default() -> Response {
+        Response {
+            seen: ASSUMED_WEIGHT,
+            commanded: ASSUMED_WEIGHT,
+        }
+    }
+}
+
+impl Response {
+    fn share(self) -> f64 {
+        (self.seen / self.commanded).clamp(LEAST_RESPONSE, MOST_RESPONSE)
+    }
+
+    /// Records the turn that two frames show and the turn that was expected with the present response, in
+    /// radians; `weight` is from 0 to 1.
+    fn note(&mut self, seen: f64, expected: f64, weight: f64) {
+        let commanded = expected / self.share();
+        let square = weight * commanded * commanded;
+        let kept = 1.0 - (square / MAX_WEIGHT).min(1.0);
+        self.seen = kept * self.seen + weight * seen * commanded;
+        self.commanded = kept * self.commanded + square;
     }
 }
 
@@ -396,7 +444,7 @@ impl Sub for Totals {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::FRAC_PI_2;
+    use std::f64::consts::{FRAC_PI_2, TAU};
 
     use image::{Rgb, RgbImage};
 
@@ -490,7 +538,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([value as u8; 3])
         });
-        SkylineReader::new(camera).read(&Image::from_rgb(&picture))
+        SkylineReader::new(camera).read(&Image::from_rgb(&picture), 0.0)
     }
 
     #[test]
@@ -516,6 +564,48 @@ mod tests {
         // The tracks alone say four turns of 1.5 radians.
         assert!((turned - 5.4).abs() < 1e-6, "{turned}");
         assert!((pose.heading - turned).abs() < 0.25, "{pose:?}");
+    }
+
+    /// Turns a robot by the commanded angle in small steps, of which it makes this share.
+    fn turn_with_response(odometry: &mut Odometry, share: f64, radians: f64) {
+        let steps = (radians / 0.1) as u32;
+        for _ in 0..steps {
+            let expected = 0.1 * odometry.response.share();
+            odometry.correct_turn(0.1 * share, turn(expected), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_robot_that_makes_a_share_of_its_turns_makes_that_share_of_its_ways() {
+        let (mut odometry, mut now) = odometry();
+        turn_with_response(&mut odometry, 0.7, TAU);
+        odometry.reset();
+        drive(&mut odometry, &mut now, AHEAD, 5);
+        drive(&mut odometry, &mut now, Driver::None, 1);
+        let way = odometry.pose().x;
+        assert!((way - 0.7).abs() < 0.02, "{way}");
+        turn_with_response(&mut odometry, 1.0, 6.0 * TAU); // charged
+        let share = odometry.response.share();
+        assert!((share - 1.0).abs() < 0.02, "{share}");
+    }
+
+    #[test]
+    fn held_tracks_and_straight_ways_do_not_tell_the_response() {
+        let (mut odometry, _) = odometry();
+        turn_with_response(&mut odometry, 0.7, TAU);
+        let learned = odometry.response.share();
+        turn_with_response(&mut odometry, 0.0, TAU);
+        for picture in 0..1000 {
+            let way = Totals {
+                turn: 0.005,
+                turned: 0.005,
+                way: 0.02,
+            };
+            let passing = if picture % 2 == 0 { 0.01 } else { 0.0 };
+            odometry.correct_turn(passing, way, 0.0);
+        }
+        let share = odometry.response.share();
+        assert!((share - learned).abs() < 0.01, "{learned} {share}");
     }
 
     #[test]

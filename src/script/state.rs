@@ -258,7 +258,8 @@ impl State {
             return;
         };
         let skyline = if turns {
-            Some(self.frames.skyline_reader.read(image))
+            let heading = self.odometry.pose().heading;
+            Some(self.frames.skyline_reader.read(image, heading))
         } else {
             None
         };

@@ -1,6 +1,7 @@
 //! Measures how far the camera has turned between two pictures, from the brightness along the
 //! horizon.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::camera::Camera;
@@ -17,6 +18,12 @@ const OVERLAP: f64 = 0.4;
 const TEXTURE: f64 = 6.0;
 /// The difference at the best fit must be at most this share of the mean over all shifts.
 const DISTINCT: f64 = 0.4;
+
+/// A flat field takes one skyline from each of so many equal parts of a full turn.
+const DIRECTIONS: usize = 36;
+/// Least brightness, of 255, by which skylines are divided, and least share of the light in a column.
+const DARKEST: f64 = 1.0;
+const LEAST_LIGHT: f64 = 0.05;
 
 /// The brightness along the horizon, from left to right, sampled at equal angles.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -36,6 +43,19 @@ pub struct SkylineReader {
     shifts: Vec<f64>,
     /// The samples: a column, and the share of the next one.
     samples: Vec<(usize, f64)>,
+    flat_field: FlatField,
+}
+
+/// Which share of the light the camera shows in each sample of a skyline: cheap lenses darken the edges of
+/// a picture. Rooms look equally bright in each sample if the camera has turned to all sides, so what
+/// the skylines of all directions have in common is the camera's own.
+#[derive(Debug, Clone)]
+struct FlatField {
+    /// The newest skyline of each direction, divided by its mean.
+    skylines: [Vec<f64>; DIRECTIONS],
+    /// The sum of them for each sample, and their number.
+    sums: Vec<f64>,
+    count: u32,
 }
 
 impl SkylineReader {
@@ -47,6 +67,7 @@ impl SkylineReader {
             rows: 0..0,
             shifts: Vec::new(),
             samples: Vec::new(),
+            flat_field: FlatField::new(0),
         }
     }
 
@@ -75,10 +96,12 @@ impl SkylineReader {
                 .bearing(column, row + horizon.shift(column), size)
         };
         self.samples = samples(&(0..size.width).map(bearing).collect::<Vec<_>>());
+        self.flat_field = FlatField::new(self.samples.len());
     }
 
-    /// The skyline of a picture.
-    pub fn read(&mut self, image: &Image) -> Skyline {
+    /// The skyline of a picture of a camera with this heading, in radians; the reader learns from it which
+    /// columns the camera darkens. The heading may drift.
+    pub fn read(&mut self, image: &Image, heading: f64) -> Skyline {
         if self.size != image.size() {
             self.place_samples(image.size());
         }
@@ -102,9 +125,51 @@ impl SkylineReader {
         let mean = |column: usize| f64::from(columns[column]) / rows;
         let brightness =
             |(column, part): &(usize, f64)| mean(*column) * (1.0 - part) + mean(column + 1) * part;
+        let places = self.samples.iter().map(brightness).collect::<Vec<_>>();
+        self.flat_field.learn(&places, heading);
         Skyline {
-            places: self.samples.iter().map(brightness).collect(),
+            places: self.flat_field.correct(&places),
         }
+    }
+}
+
+impl FlatField {
+    /// Creates the flat field of a camera that has shown nothing yet.
+    fn new(samples: usize) -> FlatField {
+        FlatField {
+            skylines: std::array::from_fn(|_| Vec::new()),
+            sums: vec![0.0; samples],
+            count: 0,
+        }
+    }
+
+    /// Replaces the skyline of a direction.
+    fn learn(&mut self, places: &[f64], heading: f64) {
+        let mean = places.iter().sum::<f64>() / places.len().max(1) as f64;
+        let direction = (heading / TAU).rem_euclid(1.0) * DIRECTIONS as f64;
+        let known = &mut self.skylines[(direction as usize).min(DIRECTIONS - 1)];
+        if known.is_empty() {
+            self.count += 1;
+            known.resize(places.len(), 0.0);
+        }
+        for ((sum, known), place) in self.sums.iter_mut().zip(known).zip(places) {
+            let share = place / mean.max(DARKEST);
+            *sum += share - *known;
+            *known = share;
+        }
+    }
+
+    /// Returns the skyline that a camera without loss of light would show. As long as directions are missing, what
+    /// the others have in common is also of the room, and counts less.
+    fn correct(&self, places: &[f64]) -> Vec<f64> {
+        let known = f64::from(self.count) / DIRECTIONS as f64;
+        let light = |sum: &f64| 1.0 + known.powi(2) * (sum / f64::from(self.count.max(1)) - 1.0);
+        let lights = self.sums.iter().map(|sum| light(sum).max(LEAST_LIGHT));
+        places
+            .iter()
+            .zip(lights)
+            .map(|(place, light)| place / light)
+            .collect()
     }
 }
 
@@ -214,7 +279,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([(value * light).clamp(0.0, 255.0) as u8; 3])
         });
-        SkylineReader::new(camera).read(&Image::from_rgb(&picture))
+        SkylineReader::new(camera).read(&Image::from_rgb(&picture), 0.0)
     }
 
     #[test]
@@ -229,6 +294,55 @@ mod tests {
         }
     }
 
+    /// The skyline of a weakly lit room, or of a plain wall, by a camera that darkens the edges of its pictures.
+    fn dark_edged(reader: &mut SkylineReader, turned: f64, contrast: f64) -> Skyline {
+        let camera = reader.camera;
+        let picture = RgbImage::from_fn(320, 240, |x, _| {
+            let angle = turned + camera.bearing(f64::from(x), 102.0, SIZE);
+            let scene = (angle * 3.0).sin() + (angle * 7.3).sin() + (angle * 17.0).cos();
+            let out = (f64::from(x) - 159.5).abs() / 200.0;
+            Rgb([((140.0 + contrast * scene) * (1.0 - 0.6 * out.powi(3))) as u8; 3])
+        });
+        reader.read(&Image::from_rgb(&picture), turned)
+    }
+
+    #[test]
+    fn dark_edges_are_not_counted_once_the_camera_has_turned_round() {
+        let turn = 0.1;
+        let mut reader = SkylineReader::new(Camera::pinhole(60.0_f64.to_radians()));
+        let measure = |reader: &mut SkylineReader, contrast| {
+            let before = dark_edged(reader, 1.0, contrast);
+            dark_edged(reader, 1.0 + turn, contrast).turned_since(&before, 0.0, 0.25)
+        };
+        let unlearned = measure(&mut reader, 6.0);
+        assert!(
+            unlearned.is_none_or(|seen| seen < 0.8 * turn),
+            "{unlearned:?}"
+        );
+        assert!(measure(&mut reader, 0.0).is_none_or(|seen| seen.abs() < 0.01));
+        for step in 0..120 {
+            dark_edged(&mut reader, TAU * f64::from(step) / 120.0, 6.0);
+        }
+        let seen = measure(&mut reader, 6.0).unwrap();
+        assert!((seen - turn).abs() < 0.005, "{seen}");
+        assert_eq!(measure(&mut reader, 0.0), None, "a plain wall");
+    }
+
+    #[test]
+    fn a_camera_that_looks_at_one_place_for_long_still_sees_it() {
+        let mut reader = SkylineReader::new(Camera::pinhole(60.0_f64.to_radians()));
+        let measure = |reader: &mut SkylineReader| {
+            let before = dark_edged(reader, 0.05, 20.0);
+            dark_edged(reader, 0.13, 20.0).turned_since(&before, 0.0, 0.25)
+        };
+        let first = measure(&mut reader).unwrap();
+        for step in 0..1000 {
+            dark_edged(&mut reader, 0.1 * (f64::from(step) * 0.3).sin(), 20.0);
+        }
+        let last = measure(&mut reader).unwrap();
+        assert!((last - first).abs() < 0.002, "{first} {last}");
+    }
+
     #[test]
     fn turns_out_of_reach_and_plain_pictures_give_no_result() {
         assert_eq!(
@@ -238,7 +352,7 @@ mod tests {
         let mut reader = SkylineReader::new(Camera::default());
         let mut plain = |width, height| {
             let picture = RgbImage::from_pixel(width, height, Rgb([70; 3]));
-            reader.read(&Image::from_rgb(&picture))
+            reader.read(&Image::from_rgb(&picture), 0.0)
         };
         let large = plain(320, 240);
         assert_eq!(large.turned_since(&large, 0.0, 0.3), None);
@@ -262,8 +376,8 @@ mod tests {
         let mut reader = SkylineReader::new(camera);
         for (width, height) in [(320, 240), (160, 120), (160, 240), (0, 0), (320, 240)] {
             let picture = picture(width, height);
-            let alone = SkylineReader::new(camera).read(&picture);
-            assert_eq!(reader.read(&picture), alone, "{width}x{height}");
+            let alone = SkylineReader::new(camera).read(&picture, 0.0);
+            assert_eq!(reader.read(&picture, 0.0), alone, "{width}x{height}");
         }
     }
 }
