@@ -393,6 +393,32 @@ fn the_compass_finds_the_period_of_an_even_turn_from_what_looks_the_same() {
 }
 
 #[test]
+fn the_compass_does_not_count_the_dark_edges_of_pictures_once_it_has_learned_them() {
+    let rig = lasting(
+        1.0,
+        "local compass = require('@spykee/compass')
+         local function profile(turned)
+             local list = {}
+             for place = -14, 14 do
+                 local there = turned + place * math.rad(1.5)
+                 local bright = 0.5 + 0.02 * math.sin(3 * there) + 0.02 * math.sin(17 * there)
+                 table.insert(list, bright * (1 - 0.3 * math.abs(place / 14) ^ 3))
+             end
+             return list
+         end
+         local function measured(turn)
+             return (compass.turned(profile(1), profile(1 + turn), 0))
+         end
+         print(measured(0.1) < 0.05)
+         compass.learn(table.create(29, 0)) -- a dark picture does no harm
+         for degrees = 4, 720, 4 do compass.learn(profile(math.rad(degrees))) end
+         print(math.abs(measured(0.1) - 0.1) < 0.01, math.abs(measured(-0.2) + 0.2) < 0.01)
+         print(compass.turned({}, {}, 0))",
+    );
+    assert_eq!(rig.texts(), ["true", "true true", "0 1"]);
+}
+
+#[test]
 fn the_compass_tells_coming_nearer_from_turning_on_the_spot() {
     let rig = lasting(
         1.0,
