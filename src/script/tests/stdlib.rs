@@ -419,6 +419,34 @@ fn the_compass_does_not_count_the_dark_edges_of_pictures_once_it_has_learned_the
 }
 
 #[test]
+fn a_robot_that_has_missed_a_part_of_a_turn_recognises_its_heading() {
+    let rig = lasting(
+        1.0,
+        "local whereabouts = require('@spykee/whereabouts')
+         local function profile(degrees)
+             local list = {}
+             for place = -14, 14 do
+                 local there = math.rad(degrees + 1.5 * place)
+                 table.insert(list, 0.5 + 0.2 * math.sin(3 * there) + 0.2 * math.sin(7 * there + 1))
+             end
+             return list
+         end
+         print(whereabouts.recognise(profile(0), math.pi))
+         local views = {}
+         for degrees = 0, 356, 4 do
+             table.insert(views, { angle = math.rad(degrees), columns = {}, profile = profile(degrees) })
+         end
+         whereabouts.look(views)
+         whereabouts.face(math.rad(450)) -- it has turned to 418 degrees
+         print(whereabouts.recognise(profile(58), math.rad(12)))
+         local heading = whereabouts.recognise(profile(58), math.rad(12 + 0.35 * 90))
+         print(math.abs(math.deg(heading) - 418) < 1)
+         print(whereabouts.recognise(table.create(29, 0.5), math.pi))",
+    );
+    assert_eq!(rig.texts(), ["nil", "nil", "true", "nil"]);
+}
+
+#[test]
 fn the_compass_tells_coming_nearer_from_turning_on_the_spot() {
     let rig = lasting(
         1.0,
