@@ -319,6 +319,26 @@ async fn free_ahead_in(world: &str) -> f64 {
     told.split_whitespace().next().unwrap().parse().unwrap()
 }
 
+/// The dark edges of a genuine picture looked like the end of a floor, 1.3 to 1.8 m away.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wall_that_hides_the_floor_is_not_taken_for_floor() {
+    for (light, paint) in [(0.4, "#8f9d90"), (0.6, "#b9a9ac"), (1.0, "#d8cfbb")] {
+        for away in [0.3, 0.6] {
+            let x = 5.9 - away; // the lens is 0.1 m in front of the robot's middle
+            let room = format!(
+                "preset: genuine
+room: {{width: 6, depth: 4, floor: wood, walls: \"{paint}\"}}
+station: {{at: [0, 3.5], heading_degrees: 0}}
+start: {{at: [{x}, 2], heading_degrees: 0}}
+light: {light}
+"
+            );
+            let ahead = free_ahead_in(&room).await;
+            assert!(ahead < 0.01, "{light}, {paint}, {away} m: {ahead}");
+        }
+    }
+}
+
 /// The floor seemed to end at the upper edge of the board, 1.45 times as far away.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_floor_ends_at_the_foot_of_a_wall_and_not_at_the_edge_of_its_skirting_board() {
