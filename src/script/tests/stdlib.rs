@@ -332,6 +332,41 @@ fn the_way_on_the_map_leads_through_the_doorway_until_that_is_given_up() {
 }
 
 #[test]
+fn the_way_does_not_lead_through_a_gap_in_a_wall_that_was_seen_inexactly() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             local pose = enter(2, 1.5, 0)
+             local through = {{ angle = math.pi, distance = 2.9, known = true, nearest = 0.5 }} -- the wall is 2 m away
+             map.enter({{ x = 2, y = 1.55, heading = 0 }}, {{ through }}, 4)
+             local through_the_gap = function(x) return if x < 0.2 then 10 else 0 end
+             print(math.abs(map.way(pose, through_the_gap).heading) < 0.3)"
+        ),
+    );
+    assert_eq!(rig.texts(), ["true"]);
+}
+
+#[test]
+fn what_hides_the_floor_does_not_replace_on_the_map_what_was_seen_before() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             enter(2, 1.5, 0)
+             local ahead = {{ x = 1, y = 1.5, heading = math.pi }}
+             local hidden = map.rays({{ {{ bearing = 0, depth = 0, away = 0, known = false, nearest = 1 }} }})
+             map.enter(ahead, hidden, 1)
+             print(map.obstacle_ahead(ahead) > 0.7)
+             local unseen = {{ x = 11, y = 1.5, heading = math.pi }}
+             map.enter(unseen, hidden, 1)
+             print(map.obstacle_ahead(unseen) < 0.7)"
+        ),
+    );
+    assert_eq!(rig.texts(), ["true", "true"]);
+}
+
+#[test]
 fn a_scan_tells_the_direction_of_the_walls() {
     let rig = lasting(
         1.0,
