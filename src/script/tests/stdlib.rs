@@ -317,18 +317,26 @@ fn the_way_on_the_map_leads_through_the_doorway_until_that_is_given_up() {
         1.0,
         &format!(
             "{TWO_ROOMS}
-             local way = map.way(enter(2, 1.5, 1))
+             local pose = enter(2, 1.5, 1)
+             local way = map.way(pose)
              print(math.abs(way.heading) < 0.3, way.distance > 1.5)
              map.give_up(way.target)
-             local other = map.way({{ x = 2, y = 1.5, heading = 1 }})
+             local other = map.way(pose)
              print(other == nil or other.target ~= way.target)
+             for _ = 1, 10 do -- the places in front of the doorway and in it
+                 if other and math.abs(other.heading) <= 0.5 then
+                     map.give_up(other.target)
+                     other = map.way(pose)
+                 end
+             end
+             print(other == nil or math.abs(other.heading) > 0.5)
              map.doubt()
-             print(map.way({{ x = 2, y = 1.5, heading = 1 }}).target == way.target)
+             print(map.way(pose).target == way.target)
              map.forget()
-             print(map.way({{ x = 2, y = 1.5, heading = 1 }}))"
+             print(map.way(pose))"
         ),
     );
-    assert_eq!(rig.texts(), ["true true", "true", "true", "nil"]);
+    assert_eq!(rig.texts(), ["true true", "true", "true", "true", "nil"]);
 }
 
 #[test]
