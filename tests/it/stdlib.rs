@@ -369,6 +369,65 @@ light: {light}
     }
 }
 
+/// The edge of a rug and of the light that falls through a doorway counted as a wall.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_rug_and_light_on_the_floor_are_no_wall() {
+    let rug = "rugs: [{at: [3.9, 2], width: 1.2, depth: 2, colour: \"#c6cbca\"}]";
+    let lamp = "walls: [{from: [0.5, 2.6], to: [3, 2.6]}, {from: [3.7, 2.6], to: [6, 2.6]}]
+light: 0.55
+lamps: [{at: [3.2, 3.3], brightness: 0.63}]";
+    for things in [rug, lamp] {
+        let room = format!(
+            "room: {{width: 6, depth: 4, floor: concrete, walls: \"#8f9d90\"}}
+station: {{at: [0, 3.5], heading_degrees: 0}}
+start: {{at: [1.3, 1.7], heading_degrees: 0}}
+{things}
+"
+        );
+        let end = seen_at_the_start("free.columns[12].away", &room).await;
+        assert!(
+            end < 2.5,
+            "nothing seems to end the floor: {end} m, {things}"
+        );
+        let ray = "require('@spykee/map').rays(free.columns)[12].distance";
+        let wall = seen_at_the_start(ray, &room).await;
+        assert!((3.3..4.5).contains(&wall), "{wall} m, {things}");
+    }
+}
+
+/// A wall that fills the picture at one side counted as the floor there, since there was more of it farther away;
+/// then nothing else was floor.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_floor_is_visible_between_walls_of_the_same_colour() {
+    for light in [0.5, 0.8] {
+        let doorway = format!(
+            "room: {{width: 6, depth: 4, floor: wood, walls: \"#808080\"}}
+station: {{at: [0, 3.5], heading_degrees: 0}}
+start: {{at: [2, 2], heading_degrees: 0}}
+walls: [{{from: [2.6, 0], to: [2.6, 1.85]}}, {{from: [3.2, 2.15], to: [3.2, 4]}}]
+light: {light}
+"
+        );
+        for (column, least, most) in [(4, 0.9, 1.3), (14, 3.0, 4.1)] {
+            let end = format!("free.columns[{column}].away");
+            let end = seen_at_the_start(&end, &doorway).await;
+            assert!((least..most).contains(&end), "column {column}: {end} m");
+        }
+    }
+}
+
+/// With a wall in the floor's colour the floor seemed to reach 4 m.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_floor_ends_at_a_wall_in_its_colour() {
+    let room = "room: {width: 6, depth: 4, floor: concrete, walls: \"#727b7c\"}
+station: {at: [0, 3.5], heading_degrees: 0}
+start: {at: [3.2, 2], heading_degrees: 0}
+light: 0.45
+";
+    let end = seen_at_the_start("free.columns[20].away", room).await;
+    assert!((2.0..3.5).contains(&end), "{end} m instead of 2.7");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_stands_right_in_front_of_the_robot_is_no_floor() {
     for pitch in [-10, 0, 5] {

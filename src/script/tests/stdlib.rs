@@ -298,7 +298,8 @@ const TWO_ROOMS: &str = "
         local rays = {}
         for number = 0, 119 do
             local angle = number * math.pi / 60
-            table.insert(rays, { angle = angle, distance = distance(x, y, heading + angle), known = true, nearest = 0.5 })
+            local away = distance(x, y, heading + angle)
+            table.insert(rays, { angle = angle, distance = away, known = true, low = away, nearest = 0.5 })
         end
         return rays
     end
@@ -347,7 +348,7 @@ fn neither_a_way_nor_sight_leads_through_a_gap_in_a_wall_that_was_seen_inexactly
             "{TWO_ROOMS}
              local pose = enter(2, 1.5, 0)
              enter(6, 1.5, 0)
-             local through = {{ angle = math.pi, distance = 2.9, known = true, nearest = 0.5 }} -- the wall is 2 m away
+             local through = {{ angle = math.pi, distance = 2.9, known = true, low = 2.9, nearest = 0.5 }} -- the wall: 2 m
              map.enter({{ x = 2, y = 1.55, heading = 0 }}, {{ through }}, 4)
              print(map.is_worth_a_search({{ x = 0.5, y = 1.55, heading = 0 }}))
              print(map.way(pose).distance < 1.5)"
@@ -389,6 +390,27 @@ fn what_hides_the_floor_does_not_replace_on_the_map_what_was_seen_before() {
         ),
     );
     assert_eq!(rig.texts(), ["true", "true"]);
+}
+
+#[test]
+fn something_low_is_no_wall_and_what_is_behind_it_replaces_nothing_that_was_seen() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             local function enter_over_something_low(pose, wall)
+                 local low = {{ bearing = 0, depth = 1, away = 1, wall = wall, known = true, nearest = 0.9 }}
+                 map.enter(pose, map.rays({{ low }}), 1)
+             end
+             enter_over_something_low({{ x = 11, y = 1.5, heading = 0 }}, 2.5)
+             print(map.obstacle_ahead({{ x = 11.5, y = 1.5, heading = 0 }})) -- where something low is
+             print(map.obstacle_ahead({{ x = 12.6, y = 1.5, heading = 0 }}) < 1.1) -- the wall
+             enter(1, 1.5, 0)
+             enter_over_something_low({{ x = 2, y = 1.5, heading = math.pi }}, 3)
+             print(map.obstacle_ahead({{ x = 1, y = 1.5, heading = math.pi }}) < 1.1)"
+        ),
+    );
+    assert_eq!(rig.texts(), ["nil", "true", "true"]);
 }
 
 #[test]
