@@ -40,6 +40,9 @@ const LEAST_REACH: f64 = 0.15;
 const REACH: f64 = 0.6;
 /// Turn rate in radians per second that is assumed while something else drives the robot.
 const FOREIGN_TURN_RATE: f64 = 2.0;
+/// A turn is steady, and tells the response, if its uncertain delay makes less than this share of it: a weak
+/// robot starts to turn later than its tracks are told, and stops earlier.
+const STEADY: f64 = 0.1;
 /// Bounds of the share of the commanded motion that the robot makes.
 const LEAST_RESPONSE: f64 = 0.4;
 const MOST_RESPONSE: f64 = 1.2;
@@ -248,8 +251,10 @@ impl Odometry {
         if off.abs() > OUTLIER * (tracks + camera).sqrt() {
             return;
         }
-        let only_turned = (SEEN_TURN * turned).powi(2) / camera;
-        self.response.note(seen, made.turn, only_turned);
+        if late < STEADY * turned {
+            let only_turned = (SEEN_TURN * turned).powi(2) / camera;
+            self.response.note(seen, made.turn, only_turned);
+        }
         let gain = tracks / (tracks + camera);
         self.pose.heading += gain * off;
         let decrease = gain * (TURN_SLIP - SEEN_TURN) * turned;
@@ -606,6 +611,19 @@ mod tests {
         }
         let share = odometry.response.share();
         assert!((share - learned).abs() < 0.01, "{learned} {share}");
+    }
+
+    /// A robot that had turned a little, and made no more of it since, made 40 % of all ways and turns until it was
+    /// charged: what pictures showed of a whole turn was implausible then.
+    #[test]
+    fn how_late_a_turn_begins_does_not_tell_the_response() {
+        let (mut odometry, _) = odometry();
+        for _ in 0..20 {
+            odometry.correct_turn(0.0, turn(0.15), 0.1);
+        }
+        turn_with_response(&mut odometry, 0.8, TAU);
+        let share = odometry.response.share();
+        assert!((share - 0.8).abs() < 0.02, "{share}");
     }
 
     #[test]
