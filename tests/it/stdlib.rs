@@ -416,6 +416,13 @@ light: {light}
     }
 }
 
+/// With its head bent so far down, the camera shows the floor up to 1.6 m.
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_above_the_picture_is_not_free_floor() {
+    let free = free_ahead(-30, "").await;
+    assert!((1.0..2.0).contains(&free), "{free} m");
+}
+
 /// With a wall in the floor's colour the floor seemed to reach 4 m.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_floor_ends_at_a_wall_in_its_colour() {
