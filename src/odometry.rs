@@ -613,8 +613,8 @@ mod tests {
         assert!((share - learned).abs() < 0.01, "{learned} {share}");
     }
 
-    /// A robot that had turned a little, and made no more of it since, made 40 % of all ways and turns until it was
-    /// charged: what pictures showed of a whole turn was implausible then.
+    /// Pictures that show no turn yet lowered the response to its least; pictures of a whole turn were rejected as
+    /// outliers from then on.
     #[test]
     fn how_late_a_turn_begins_does_not_tell_the_response() {
         let (mut odometry, _) = odometry();
