@@ -101,6 +101,26 @@ fn a_damaged_frame_shows_no_free_floor() {
     assert_eq!(rig.logged(Level::Error), [""; 0]);
 }
 
+/// Somebody who stood right in front of the robot and has left is in its way no longer.
+#[test]
+fn what_filled_the_picture_is_forgotten_once_there_is_floor() {
+    let source = "local near = require('@spykee/floor').memory()
+        robot.on('frame', function(f)
+            local free = near:look(f)
+            print(free.known, free.ahead > 1, free.beside.left, free.beside.right)
+        end)";
+    let mut rig = Rig::with(source, |options| {
+        options.limits.callback_budget_ms = 2_000;
+    });
+    let wall = |height| picture(&[((0, 0, 320, height), RED)]);
+    show(&mut rig, 1, &wall(240));
+    show(&mut rig, 2, &wall(120));
+    assert_eq!(
+        rig.logged(Level::Info),
+        ["false false false false", "true true false false"]
+    );
+}
+
 #[test]
 fn a_frame_is_decoded_once_for_many_calls() {
     let jpeg = picture(&[]);
