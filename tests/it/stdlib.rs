@@ -475,6 +475,64 @@ async fn a_sheet_of_paper_is_free_floor_and_what_stands_is_not() {
     }
 }
 
+/// A cupboard ahead on the left whose foot the camera does not show: the robot must not turn to it, and not pass it
+/// too closely, although it is out of sight after a small turn to the right.
+#[test]
+fn what_filled_a_part_of_the_picture_is_remembered_beside_the_robot() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    file(
+        "room.yaml",
+        "name: room
+room: { width: 5, depth: 4 }
+furniture:
+  - { name: cupboard, at: [2.05, 2.45], length: 1, width: 1, height: 1.2, colour: \"#804020\" }
+station: { at: [0, 3], heading_degrees: 0 }
+start: { at: [1, 2], heading_degrees: 0 }
+",
+    );
+    file(
+        "look.lua",
+        "local near = require('@spykee/floor').memory()
+         for _, turn in { 0, 30, 20 } do
+             robot.turn(-math.rad(turn))
+             robot.wait_frame(2)
+             local free = near:look(robot.wait_frame(2))
+             print('free', free.ahead > 1, free.beside.left, free.beside.right)
+         end",
+    );
+    let run = "run look.lua --sim room.yaml --fast --seed 1";
+    let ended = run_in(folder.path(), &run.split(' ').collect::<Vec<_>>());
+    assert_eq!(ended.code, Some(0), "{}", ended.text());
+    assert_contains(
+        &ended.text(),
+        &[
+            "free false false false",
+            "free false true false",
+            "free true true false",
+        ],
+    );
+}
+
+/// The rescue measures its ways with it: they end where they should also on a robot that is slower than its commands.
+#[tokio::test(flavor = "multi_thread")]
+async fn whereabouts_tell_the_metres_ahead_since_the_last_call() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run(
+        "local whereabouts = require('@spykee/whereabouts')
+         whereabouts.follow()
+         robot.turn(math.rad(90))
+         for _, way in { 0.5, -0.3 } do
+             robot.forward(way)
+             print('off', math.abs(whereabouts.follow() - way) < 0.05)
+         end
+         print('end', whereabouts.follow() == 0)",
+    );
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert_contains(&run.text(), &["off true", "end true"]);
+    assert!(!run.text().contains("off false"), "{}", run.text());
+}
+
 /// A room behind a wall, which only a robot that has driven there sees.
 const TWO_ROOMS: &str = "
 name: two rooms
