@@ -23,6 +23,8 @@ use tracks::Tracks;
 const DISTANCE_SLIP: f64 = 0.1;
 const TURN_SLIP: f64 = 0.2;
 const VEER: f64 = 0.08;
+/// Slip of the tracks in a turn when pictures have long shown how the robot responds: radians per radian.
+const KNOWN_TURN_SLIP: f64 = 0.1;
 /// Error of the camera: radians per radian of turn; radians per metre driven, since objects that
 /// the robot passes move through the picture too; and radians between any two pictures.
 const SEEN_TURN: f64 = 0.1;
@@ -245,19 +247,20 @@ impl Odometry {
     fn correct_turn(&mut self, seen: f64, made: Totals, late: f64) {
         let Totals { turned, way, .. } = made;
         let noise = NOISE * NOISE;
-        let tracks = (TURN_SLIP * turned + VEER * way).powi(2) + late * late + noise;
+        let tracks = |slip: f64| (slip * turned + VEER * way).powi(2) + late * late + noise;
         let camera = (SEEN_TURN * turned + PASSING * way).powi(2) + noise;
         let off = seen - made.turn;
-        if off.abs() > OUTLIER * (tracks + camera).sqrt() {
+        let at_most = tracks(TURN_SLIP);
+        if off.abs() > OUTLIER * (at_most + camera).sqrt() {
             return;
         }
         if late < STEADY * turned {
             let only_turned = (SEEN_TURN * turned).powi(2) / camera;
             self.response.note(seen, made.turn, only_turned);
         }
-        let gain = tracks / (tracks + camera);
-        self.pose.heading += gain * off;
-        let decrease = gain * (TURN_SLIP - SEEN_TURN) * turned;
+        let likely = tracks(self.response.slip());
+        self.pose.heading += likely / (likely + camera) * off;
+        let decrease = at_most / (at_most + camera) * (TURN_SLIP - SEEN_TURN) * turned;
         self.pose.heading_error = (self.pose.heading_error - decrease).max(0.0);
     }
 
@@ -318,6 +321,11 @@ impl Default for Response {
 impl Response {
     fn share(self) -> f64 {
         (self.seen / self.commanded).clamp(LEAST_RESPONSE, MOST_RESPONSE)
+    }
+
+    /// Slip of the tracks in a turn, radians per radian: the less, the more pictures have shown the response.
+    fn slip(self) -> f64 {
+        KNOWN_TURN_SLIP + (TURN_SLIP - KNOWN_TURN_SLIP) * ASSUMED_WEIGHT / self.commanded
     }
 
     /// Records the turn that two frames show and the turn that was expected with the present response, in
@@ -520,6 +528,20 @@ mod tests {
         );
     }
 
+    #[test]
+    fn what_near_things_seem_to_turn_counts_no_more_than_what_the_tracks_do() {
+        let (mut odometry, start) = odometry();
+        odometry.advance(start + Duration::from_secs(1), LEFT);
+        let mut correct = |seen: f64| {
+            let before = odometry.pose().heading;
+            odometry.correct_turn(seen * FRAC_PI_2, turn(FRAC_PI_2), 0.0);
+            (odometry.pose().heading - before) / FRAC_PI_2
+        };
+        assert_eq!(correct(1.0), 0.0);
+        let correction = correct(1.3);
+        assert!((0.1..0.17).contains(&correction), "{correction}");
+    }
+
     fn turn(radians: f64) -> Totals {
         Totals {
             turn: radians,
@@ -543,7 +565,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([value as u8; 3])
         });
-        SkylineReader::new(camera).read(&Image::from_rgb(&picture), 0.0)
+        SkylineReader::new(camera).read(&Image::from_rgb(&picture))
     }
 
     #[test]

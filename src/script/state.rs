@@ -258,8 +258,7 @@ impl State {
             return;
         };
         let skyline = if turns {
-            let heading = self.odometry.pose().heading;
-            Some(self.frames.skyline_reader.read(image, heading))
+            Some(self.frames.skyline_reader.read(image))
         } else {
             None
         };
