@@ -367,6 +367,24 @@ fn rows(image: &Image, part: Roi) -> impl Iterator<Item = &[u8]> {
         .map(move |y| &image.luma_row(y)[part.x as usize..(part.x + part.w) as usize])
 }
 
+/// Leaves of each sample by how much it differs from the mean of those around it. What falls off
+/// slowly does so for the lens and not for the room: it stays where it is when the robot drives.
+/// `sums` is a buffer.
+pub(crate) fn remove_shading(samples: &mut [f32], reach: usize, sums: &mut Vec<f64>) {
+    sums.clear();
+    sums.push(0.0);
+    sums.extend(samples.iter().scan(0.0, |sum, sample| {
+        *sum += f64::from(*sample);
+        Some(*sum)
+    }));
+    let last = samples.len().saturating_sub(1);
+    for (index, sample) in samples.iter_mut().enumerate() {
+        let reach = reach.min(index).min(last - index);
+        let around = sums[index + reach + 1] - sums[index - reach];
+        *sample -= (around / (2 * reach + 1) as f64) as f32;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

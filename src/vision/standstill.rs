@@ -6,8 +6,7 @@
 use std::time::Duration;
 
 use super::camera::{Camera, Horizon};
-use crate::picture::Image;
-use crate::picture::Size;
+use crate::picture::{Image, Size, remove_shading};
 
 /// The bands of rows over which columns are averaged, as shares of the rows from the horizon to the
 /// upper or lower edge of the picture.
@@ -178,7 +177,7 @@ impl Profiles {
             }
             let rows = rows.len() as f32;
             band.iter_mut().for_each(|sum| *sum /= rows);
-            remove_shading(band, &mut self.sums);
+            remove_shading(band, SHADING, &mut self.sums);
         }
     }
 
@@ -201,7 +200,7 @@ impl Profiles {
             }
             self.plain[number] = self.layout.shows_horizon && is_plain(strip);
             self.details[number].clone_from(strip);
-            remove_shading(&mut self.details[number], &mut self.sums);
+            remove_shading(&mut self.details[number], SHADING, &mut self.sums);
         }
     }
 
@@ -242,24 +241,6 @@ impl Profiles {
         let middle = weighted.sum::<f32>() / near.iter().sum::<f32>();
         let row = (horizon + first + STEP_ROWS) as f64 + f64::from(middle);
         Some(top + row - self.layout.horizon.y)
-    }
-}
-
-/// Leaves of each sample by how much it differs from the mean of those around it. What falls off
-/// slowly does so for the lens and not for the room: it stays where it is when the robot drives.
-/// `sums` is a buffer.
-fn remove_shading(samples: &mut [f32], sums: &mut Vec<f64>) {
-    sums.clear();
-    sums.push(0.0);
-    sums.extend(samples.iter().scan(0.0, |sum, sample| {
-        *sum += f64::from(*sample);
-        Some(*sum)
-    }));
-    let last = samples.len().saturating_sub(1);
-    for (index, sample) in samples.iter_mut().enumerate() {
-        let reach = SHADING.min(index).min(last - index);
-        let around = sums[index + reach + 1] - sums[index - reach];
-        *sample -= (around / (2 * reach + 1) as f64) as f32;
     }
 }
 

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::camera::Camera;
-use crate::picture::{Image, Size};
+use crate::picture::{Image, Size, remove_shading};
 
 /// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;
@@ -13,9 +13,9 @@ const STEP: f64 = std::f64::consts::PI / 720.0;
 const BAND: f64 = 0.14;
 /// Least overlap of two skylines, as a share of their length.
 const OVERLAP: f64 = 0.4;
-/// Half the width of the neighbourhood, in samples, whose mean is subtracted from each sample: what
-/// changes more slowly is the light, or the dark edges of a cheap lens, and would seem to stand still.
-const NEIGHBOURHOOD: usize = 16;
+/// Samples on each side of one of which the mean counts as shading. Samples nearer than this to an end, with fewer
+/// on one side, are left out.
+const SHADING: usize = 16;
 /// The noise of a sample, and what is added to its brightness, of 255, so that dark ones count less.
 const NOISE: f64 = 0.004;
 const DARK: f64 = 8.0;
@@ -30,7 +30,7 @@ const DISTINCT: f64 = 0.25;
 /// The contrast along the horizon, from left to right, sampled at equal angles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Skyline {
-    places: Vec<f64>,
+    places: Vec<f32>,
 }
 
 /// Reads skylines from the pictures of one camera.
@@ -110,26 +110,15 @@ impl SkylineReader {
         let rows = self.rows.len() as f64;
         let mean = |column: usize| f64::from(columns[column]) / rows;
         let logarithm = |(column, part): &(usize, f64)| {
-            (mean(*column) * (1.0 - part) + mean(column + 1) * part + DARK).ln()
+            (mean(*column) * (1.0 - part) + mean(column + 1) * part + DARK).ln() as f32
         };
-        let places = self.samples.iter().map(logarithm).collect::<Vec<_>>();
+        let mut places = self.samples.iter().map(logarithm).collect::<Vec<_>>();
+        remove_shading(&mut places, SHADING, &mut Vec::new());
+        let whole = SHADING..places.len().saturating_sub(SHADING);
         Skyline {
-            places: contrast(&places),
+            places: places.get(whole).map(<[f32]>::to_vec).unwrap_or_default(),
         }
     }
-}
-
-/// The differences from the means of the neighbourhoods, of the samples that have whole ones.
-fn contrast(places: &[f64]) -> Vec<f64> {
-    let whole = places.windows(2 * NEIGHBOURHOOD + 1);
-    let mut sum: f64 = places.iter().take(2 * NEIGHBOURHOOD).sum();
-    let difference = |window: &[f64]| {
-        sum += window[2 * NEIGHBOURHOOD];
-        let mean = sum / window.len() as f64;
-        sum -= window[0];
-        window[NEIGHBOURHOOD] - mean
-    };
-    whole.map(difference).collect()
 }
 
 /// The samples at equal angles between the bearings of at least two columns, which fall.
@@ -156,7 +145,8 @@ impl Skyline {
     /// within `reach` of the expected angle; `None` if no angle fits clearly.
     pub fn turned_since(&self, before: &Skyline, expected: f64, reach: f64) -> Option<f64> {
         let count = self.places.len();
-        let squares: f64 = self.places.iter().map(|place| place * place).sum();
+        let square = |place: &f32| f64::from(*place).powi(2);
+        let squares: f64 = self.places.iter().map(square).sum();
         if count != before.places.len() || squares < count as f64 * LEAST_CONTRAST.powi(2) {
             return None;
         }
@@ -198,7 +188,8 @@ impl Skyline {
             .iter()
             .zip(&before.places[by_left..]);
         let count = self.places.len() - by_right - by_left;
-        pairs.map(|(one, other)| (one - other).powi(2)).sum::<f64>() / count as f64
+        let squares = pairs.map(|(one, other)| f64::from(one - other).powi(2));
+        squares.sum::<f64>() / count as f64
     }
 }
 
@@ -261,6 +252,11 @@ mod tests {
         };
         let seen = measure(20.0).unwrap();
         assert!((seen - turn).abs() < 0.005, "{seen}");
+        let weak = measure(6.0);
+        assert!(
+            weak.is_none_or(|seen| (seen - turn).abs() < 0.005),
+            "{weak:?}"
+        );
         assert_eq!(measure(0.0), None, "a plain wall");
     }
 
