@@ -17,7 +17,7 @@ mod world_change;
 
 pub use client::{AskError, Client, Remote, StopAnswer, StoppedRun, ask, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
-pub use folder::{ControlServer, guardian_socket};
+pub use folder::ControlServer;
 pub use request::{MAX_SPEECH, RunRequest};
 pub use response::RunResponse;
 pub use routes::{described, paths, routes};

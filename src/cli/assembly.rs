@@ -2,6 +2,7 @@
 //! broker, journal, notifications and the socket for other commands. With `--fast` all of it but
 //! the last three runs in a simulation: see [`fast`].
 
+use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -124,7 +125,9 @@ impl RunSetup {
         }
         warn_of_unpaid_stop(config);
         let core = driving_core()?;
-        let pilot = robot.pilot_plan(&core, guardian_files(config), self.sim_options.seed)?;
+        let server = ControlServer::open(config.data_folder());
+        let files = guardian_files(config, server.as_ref().ok());
+        let pilot = robot.pilot_plan(&core, files, self.sim_options.seed)?;
         let bus = pilot.bus.clone();
         let emergency_stop = emergency_stop(config, simulated, &bus);
         let journal = if self.keeps_journal() {
@@ -143,7 +146,8 @@ impl RunSetup {
             emergency_stop: emergency_stop.clone(),
             stop: CancellationToken::new(),
         };
-        let outcome = runtime.block_on(self.serve(run_robot, settings, console, drive));
+        let outcome = self.serve(server, run_robot, settings, console, drive);
+        let outcome = runtime.block_on(outcome);
         drop(core);
         runtime.shutdown_timeout(RUNTIME_LIMIT);
         emergency_stop.finish(JOURNAL_END);
@@ -226,12 +230,12 @@ impl RunSetup {
     /// Runs the agent, and serves page, broker and other commands meanwhile.
     async fn serve(
         mut self,
+        server: io::Result<ControlServer>,
         robot: RunRobot,
         settings: &Effective,
         console: &Console,
         drive: impl AsyncFnOnce(StartedRun) -> Result<Exit, Failure>,
     ) -> Result<Exit, Failure> {
-        let server = ControlServer::open(self.config.data_folder());
         let account = fleet::account_of_run(settings)?;
         let sim = robot.sim.as_ref().map(|sim| sim.robot.clone());
         let (started, control, _page) = self.assemble(robot, console)?;

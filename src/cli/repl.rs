@@ -21,7 +21,6 @@ use crate::agent::{AgentError, PilotSetup, ReplError, run_repl};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
-use crate::guardian::GuardianFiles;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{EditorCommand, Typed};
@@ -62,10 +61,7 @@ pub(super) fn run(
     refuse_if_stopped(config, target.sim.is_some())?;
     let runtime = runtime()?;
     let core = driving_core()?;
-    let files = GuardianFiles {
-        stop_socket: None,
-        ..guardian_files(config)
-    };
+    let files = guardian_files(config, None);
     let launch = launch(config, seed)?;
     let setup = PilotSetup::new(target.pilot_plan(&core, files, seed)?);
     let terminal = Terminal::current();

@@ -106,12 +106,13 @@ pub(super) fn heartbeat(simulated: bool, files: GuardianFiles) -> Result<Heartbe
     Ok(Heartbeat::new(Some(guardian)))
 }
 
-/// The files of the guardian of a run that serves requests in this data folder.
-pub(super) fn guardian_files(config: &Config) -> GuardianFiles {
+/// The files of the guardian of a run, which serves a person's STOP if the run serves requests.
+pub(super) fn guardian_files(config: &Config, server: Option<&ControlServer>) -> GuardianFiles {
     let data = std::path::absolute(config.data_folder()).ok();
+    let stop_socket = server.map(ControlServer::guardian_socket);
     GuardianFiles {
         record: data.as_deref().map(guardian::record_path),
-        stop_socket: data.map(|data| control::guardian_socket(&data, std::process::id())),
+        stop_socket: stop_socket.and_then(|path| std::path::absolute(path).ok()),
     }
 }
 

@@ -1,9 +1,7 @@
 //! The private socket of a run, and the folder of these sockets: one for each run, named after its
 //! process ID.
 
-use std::fs::Permissions;
 use std::io;
-use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
@@ -22,10 +20,9 @@ const PRIVATE: u32 = 0o700;
 /// Maximum number of runs per data folder that are considered.
 const MAX_RUNS: usize = 32;
 
-/// Where the guardian of the run with this process ID listens for a person's STOP (see
-/// [`request_stop`](crate::guardian::request_stop)).
-pub fn guardian_socket(data: &Path, process: u32) -> PathBuf {
-    data.join(NAME).join(format!("{process}{GUARDIAN_SUFFIX}"))
+/// Where the guardian of the run with this process ID listens for a person's STOP.
+pub(super) fn guardian_socket(data: &Path, pid: u32) -> PathBuf {
+    data.join(NAME).join(guardian_name(pid))
 }
 
 #[derive(Debug)]
@@ -64,10 +61,7 @@ impl Folder {
     fn bind(&self) -> io::Result<ControlServer> {
         let name = name_of(std::process::id());
         self.sweep();
-        // Left behind by an earlier process with the same ID.
-        let _ = self.open.remove(&name);
-        let listener = UnixListener::bind(self.open.socket_path(&name))?;
-        std::fs::set_permissions(self.path.join(&name), Permissions::from_mode(0o600))?;
+        let listener = self.open.bind(&name, |path| UnixListener::bind(path))?;
         listener.set_nonblocking(true)?;
         let path = self.path.join(name);
         let new = self.new;
@@ -113,9 +107,14 @@ impl Folder {
 
     fn names(&self, suffix: &str) -> Vec<String> {
         let names = self.open.names().unwrap_or_default().into_iter();
-        let sockets = names.filter(|name| name.ends_with(suffix));
+        let pid = |name: &String| name.strip_suffix(suffix)?.parse::<u32>().ok();
+        let sockets = names.filter(|name| pid(name).is_some());
         sockets.take(MAX_RUNS).collect()
     }
+}
+
+fn guardian_name(pid: u32) -> String {
+    format!("{pid}{GUARDIAN_SUFFIX}")
 }
 
 fn name_of(pid: u32) -> String {
@@ -140,6 +139,12 @@ impl ControlServer {
         Folder::make(data)?.bind()
     }
 
+    /// Where the guardian of this run listens for a person's STOP (see
+    /// [`request_stop`](crate::guardian::request_stop)). Its folder exists, as the guardian needs.
+    pub fn guardian_socket(&self) -> PathBuf {
+        self.path.with_file_name(guardian_name(std::process::id()))
+    }
+
     /// Serves programs of the same user; returns only on an error.
     pub async fn serve(self, run: Run) -> io::Result<()> {
         let listener = tokio::net::UnixListener::from_std(self.listener.try_clone()?)?;
@@ -160,6 +165,9 @@ impl Drop for ControlServer {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::Permissions;
+    use std::os::unix::fs::PermissionsExt as _;
+
     use super::*;
 
     #[test]
@@ -191,6 +199,28 @@ mod tests {
         assert!(!stale.exists() && live.exists());
         drop(bound);
         assert!(live.exists() && kept.exists());
+    }
+
+    #[test]
+    fn a_run_that_begins_keeps_its_socket_while_another_one_removes_those_of_killed_runs() {
+        let home = tempfile::tempdir().unwrap();
+        let folder = Folder::make(home.path()).unwrap();
+        // The end of a run removes an empty folder.
+        std::fs::write(folder.path.join("kept"), "").unwrap();
+        let ended = std::sync::atomic::AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let begins = scope.spawn(|| {
+                let is_kept = |bound: ControlServer| bound.path.exists();
+                let lost = (0..10_000).filter(|_| !folder.bind().is_ok_and(is_kept));
+                let lost = lost.count();
+                ended.store(true, std::sync::atomic::Ordering::Relaxed);
+                lost
+            });
+            while !ended.load(std::sync::atomic::Ordering::Relaxed) {
+                folder.sweep();
+            }
+            assert_eq!(begins.join().unwrap(), 0);
+        });
     }
 
     #[test]

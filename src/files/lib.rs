@@ -11,8 +11,8 @@ use std::os::unix::fs::DirBuilderExt as _;
 use std::path::Path;
 
 use rustix::fs::{
-    AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, fstat, fstatvfs, fsync, openat, renameat,
-    statat, unlinkat,
+    AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, chmodat, fstat, fstatvfs, fsync, openat,
+    renameat, statat, unlinkat,
 };
 use rustix::io::Errno;
 use rustix::path::Arg;
@@ -193,6 +193,26 @@ impl Folder {
     /// socket's address.
     pub fn socket_path(&self, name: &str) -> String {
         format!("/proc/self/fd/{}/{name}", self.0.as_raw_fd())
+    }
+
+    /// Binds a socket in it, with access for this user only, in place of one that is left. `bind`
+    /// gets its path. Nobody finds a socket that refuses connections meanwhile.
+    pub fn bind<Socket>(
+        &self,
+        name: &str,
+        bind: impl FnOnce(&str) -> io::Result<Socket>,
+    ) -> io::Result<Socket> {
+        let unfinished = format!("{UNFINISHED}-{name}");
+        let _ = self.remove(&unfinished);
+        let socket = bind(&self.socket_path(&unfinished))?;
+        let user = Mode::RUSR | Mode::WUSR;
+        let private = chmodat(&self.0, &*unfinished, user, AtFlags::empty());
+        let named = private.and_then(|()| renameat(&self.0, &*unfinished, &self.0, name));
+        if named.is_err() {
+            let _ = self.remove(&unfinished);
+        }
+        named?;
+        Ok(socket)
     }
 
     /// Reads a regular file of at most `most` bytes; `None` if there is none of this name.

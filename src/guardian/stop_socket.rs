@@ -1,10 +1,8 @@
 //! The guardian's socket for a person's STOP, for an agent that hangs. One datagram asks, one
 //! answers: no client can keep another one waiting.
 
-use std::fs::Permissions;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,7 +15,6 @@ const STOP: &[u8] = b"STOP\n";
 const MAX_WORD_LEN: usize = 16;
 /// How long an answer may take.
 const ANSWER_LIMIT: Duration = Duration::from_secs(2);
-const PRIVATE: u32 = 0o600;
 
 /// What a guardian has done about a person's STOP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,14 +77,11 @@ pub(super) struct StopSocket {
 }
 
 impl StopSocket {
-    /// Takes the place of a socket that an earlier guardian of this run has left.
+    /// Takes the place of a socket that an earlier guardian of this run has left. Fails if its folder
+    /// does not exist.
     pub(super) fn bind(path: PathBuf) -> io::Result<StopSocket> {
         let (folder, name) = place(&path)?;
-        let _ = folder.remove(&name);
-        let address = folder.socket_path(&name);
-        let socket = UnixDatagram::bind(&address)?;
-        // Until then its folder keeps others out.
-        std::fs::set_permissions(&address, Permissions::from_mode(PRIVATE))?;
+        let socket = folder.bind(&name, |path| UnixDatagram::bind(path))?;
         socket.set_nonblocking(true)?;
         // The folder is not kept open: the guardian may outlive the run.
         Ok(StopSocket { socket, path })
@@ -129,6 +123,8 @@ impl Drop for StopSocket {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt as _;
+
     use super::*;
 
     #[test]
@@ -142,7 +138,7 @@ mod tests {
             std::fs::write(&path, "").unwrap();
             let socket = StopSocket::bind(path.clone()).unwrap();
             let mode = path.metadata().unwrap().permissions().mode();
-            assert_eq!(mode & 0o777, PRIVATE);
+            assert_eq!(mode & 0o777, 0o600);
             let asked = path.clone();
             let asking = std::thread::spawn(move || request_stop(&asked).unwrap());
             let from = loop {

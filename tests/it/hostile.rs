@@ -138,8 +138,8 @@ fn attacks(ending: &str) -> Vec<Attack> {
 
 /// One agent, and the attacks that it must withstand.
 struct Round {
-    rig: Rig,
     run: Run,
+    rig: Rig,
     /// Promises that were broken.
     broken: Vec<String>,
     /// Reasons with which the attacks ended.

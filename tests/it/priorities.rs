@@ -12,8 +12,8 @@ const TURN: &str =
 
 /// Running behaviours, each with name, priority and script.
 struct Crew {
-    rig: Rig,
     run: Run,
+    rig: Rig,
 }
 
 impl Crew {

@@ -400,9 +400,10 @@ impl Rig {
 /// The process ids of a process's children.
 pub fn children_of(pid: rustix::process::Pid) -> Vec<rustix::process::Pid> {
     let pid = pid.as_raw_nonzero();
-    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
-    let children = tasks
-        .filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("children")).ok());
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task"));
+    let tasks = tasks.into_iter().flatten().flatten();
+    let children =
+        tasks.filter_map(|task| std::fs::read_to_string(task.path().join("children")).ok());
     let text: String = children.collect();
     let numbers = text
         .split_whitespace()
@@ -425,6 +426,11 @@ fn is_called(pid: rustix::process::Pid, argument: &str) -> bool {
     words
         .next()
         .is_some_and(|first| first == argument.as_bytes())
+}
+
+fn is_this_program(pid: rustix::process::Pid) -> bool {
+    let program = std::fs::read_link(format!("/proc/{}/exe", pid.as_raw_nonzero()));
+    program.is_ok_and(|program| program == Path::new(env!("CARGO_BIN_EXE_spykee")))
 }
 
 /// The state that `ps` shows; `?` if the process is gone.
@@ -459,9 +465,11 @@ pub fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
 }
 
-/// A running binary and its output so far. Killed on drop.
+/// A running binary and its output so far. Killed on drop, with all processes that it has started.
 pub struct Run {
     child: Child,
+    /// The processes that it had started when it was killed.
+    descendants: Mutex<Vec<rustix::process::Pid>>,
     lines: Arc<Mutex<Vec<String>>>,
     readers: Vec<JoinHandle<()>>,
 }
@@ -481,6 +489,7 @@ impl Run {
         let err = collect(child.stderr.take().unwrap(), &lines);
         Run {
             child,
+            descendants: Mutex::default(),
             lines,
             readers: vec![out, err],
         }
@@ -547,7 +556,20 @@ impl Run {
     }
 
     pub fn signal(&self, signal: rustix::process::Signal) {
+        if signal == rustix::process::Signal::KILL {
+            self.note_descendants();
+        }
         rustix::process::kill_process(self.pid(), signal).unwrap();
+    }
+
+    fn note_descendants(&self) {
+        let mut descendants = self.descendants.lock().unwrap();
+        let mut parents = vec![self.pid()];
+        while let Some(parent) = parents.pop() {
+            let children = children_of(parent);
+            descendants.extend(&children);
+            parents.extend(children);
+        }
     }
 
     pub fn pid(&self) -> rustix::process::Pid {
@@ -594,8 +616,17 @@ impl Run {
 
 impl Drop for Run {
     fn drop(&mut self) {
+        if self.lives() {
+            self.note_descendants();
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
+        for pid in self.descendants.lock().unwrap().drain(..) {
+            // Another process may have the number by now.
+            if is_this_program(pid) {
+                let _ = rustix::process::kill_process(pid, rustix::process::Signal::KILL);
+            }
+        }
     }
 }
 

@@ -64,8 +64,8 @@ end)
 
 /// A scenario that is running.
 pub struct FaultRun {
-    pub rig: Rig,
     pub run: Run,
+    pub rig: Rig,
     faults: Vec<Fault>,
 }
 

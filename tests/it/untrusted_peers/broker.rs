@@ -47,8 +47,8 @@ fn command(payload: &[u8]) -> Vec<u8> {
 
 /// An agent that drives, and a broker that has accepted its login and its subscriptions.
 struct HostileBroker {
-    rig: Rig,
     run: Run,
+    rig: Rig,
     listener: TcpListener,
     stream: TcpStream,
     from: usize,
