@@ -10,6 +10,8 @@ use crate::geometry::{Point, Pose, RADIUS};
 const FRICTION: f64 = 0.35;
 /// Distance that people and rolling balls keep from the robot, metres.
 const ROBOT_CLEARANCE: f64 = 0.05;
+/// How long people wait for a robot in their way before they turn back, seconds.
+const PATIENCE: f64 = 3.0;
 /// Minimum gap between touching things, metres.
 const MIN_GAP: f64 = 0.001;
 
@@ -116,9 +118,15 @@ impl Environment {
             let is_rolling = mover.rolling != Point::default();
             if in_the_way || (is_rolling && !self.obstacles.has_room(wanted, index)) {
                 mover.rolling = Point::default();
+                if let Some(trip) = &mut mover.trip {
+                    trip.wait(seconds);
+                }
                 continue;
             }
             mover.body = wanted;
+            if let Some(trip) = &mut mover.trip {
+                trip.waited = 0.0;
+            }
             self.obstacles.move_round(index, next);
         }
     }
@@ -177,6 +185,8 @@ struct Trip {
     next: usize,
     back: bool,
     rested: f64,
+    /// Seconds without a way on.
+    waited: f64,
 }
 
 impl Trip {
@@ -187,6 +197,7 @@ impl Trip {
             next: 0,
             back: false,
             rested: 0.0,
+            waited: 0.0,
         }
     }
 
@@ -209,13 +220,24 @@ impl Trip {
         target
     }
 
+    /// Waits for something in its way, and at last goes back to the corner it came from.
+    fn wait(&mut self, seconds: f64) {
+        self.waited += seconds;
+        if self.waited >= PATIENCE {
+            self.waited = 0.0;
+            self.back = !self.back;
+            self.turn();
+        }
+    }
+
     fn turn(&mut self) {
         let last = self.route.through.len() - 1;
         if last == 0 {
             return;
         }
         if self.route.closed {
-            self.next = (self.next + 1) % (last + 1);
+            let step = if self.back { last } else { 1 };
+            self.next = (self.next + step) % (last + 1);
             return;
         }
         if self.next == 0 || self.next == last {
@@ -250,14 +272,17 @@ mod tests {
     const WALKER: &str = "walkers: [{at: [1, 3], path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
 
     #[test]
-    fn people_walk_and_wait_for_a_robot_in_their_way() {
+    fn people_walk_and_wait_a_moment_for_a_robot_in_their_way_then_turn_back() {
         let place = after(WALKER, (3.0, 1.0), 4);
         assert!(
             (place.x - 3.0).abs() < 0.1 && (place.y - 3.0).abs() < 1e-9,
             "{place:?}"
         );
-        let place = after(WALKER, (3.0, 3.0), 20);
-        assert!((2.5..2.65).contains(&place.x), "{place:?}");
+        // After 2 m at 0.5 m/s, less the robot's radius, theirs and the distance that they keep.
+        let waits = after(WALKER, (3.0, 3.0), 5);
+        assert!((2.5..2.65).contains(&waits.x), "{waits:?}");
+        let turned_back = after(WALKER, (3.0, 3.0), 8);
+        assert!((1.5..2.4).contains(&turned_back.x), "{turned_back:?}");
     }
 
     #[test]
@@ -273,6 +298,24 @@ mod tests {
             (0.3, 2.0, "station"),
         ] {
             assert_eq!(environment.name_at(Point::new(x, y)), name);
+        }
+    }
+
+    #[test]
+    fn a_robot_between_a_wall_and_the_end_of_a_path_is_not_held_there() {
+        let route = "{through: [[5.6, 3], [1, 3], [1, 3.5]], speed: 0.5, pause: 1, closed: CLOSED}";
+        for closed in ["false", "true"] {
+            let route = route.replace("CLOSED", closed);
+            let world = world(&format!("walkers: [{{at: [1, 3], path: {route}}}]"));
+            let mut environment = Environment::new(world);
+            let robot = Circle::new(Point::new(5.8, 3.0), 0.15);
+            let mut far = 0;
+            for _ in 0..60 * 50 {
+                environment.move_things(0.02, robot);
+                let person = environment.places().next().unwrap();
+                far += i32::from(person.x < 3.0);
+            }
+            assert!(far > 10 * 50, "{closed}: {far}");
         }
     }
 

@@ -336,7 +336,8 @@ pub struct Route {
     pub closed: bool,
 }
 
-/// A person who stands or walks: a visible obstacle.
+/// A person who stands or walks: a visible obstacle. Who has waited some seconds for the robot in
+/// their way turns back.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
