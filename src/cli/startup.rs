@@ -3,7 +3,7 @@
 
 use std::convert::Infallible;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
@@ -108,11 +108,10 @@ pub(super) fn heartbeat(simulated: bool, files: GuardianFiles) -> Result<Heartbe
 
 /// The files of the guardian of a run, which serves a person's STOP if the run serves requests.
 pub(super) fn guardian_files(config: &Config, server: Option<&ControlServer>) -> GuardianFiles {
-    let data = std::path::absolute(config.data_folder()).ok();
-    let stop_socket = server.map(ControlServer::guardian_socket);
+    let absolute = |path| std::path::absolute::<PathBuf>(path).ok();
     GuardianFiles {
-        record: data.as_deref().map(guardian::record_path),
-        stop_socket: stop_socket.and_then(|path| std::path::absolute(path).ok()),
+        record: absolute(guardian::record_path(config.data_folder())),
+        stop_socket: server.and_then(|server| absolute(server.guardian_socket())),
     }
 }
 

@@ -207,12 +207,17 @@ impl Folder {
         let socket = bind(&self.socket_path(&unfinished))?;
         let user = Mode::RUSR | Mode::WUSR;
         let private = chmodat(&self.0, &*unfinished, user, AtFlags::empty());
-        let named = private.and_then(|()| renameat(&self.0, &*unfinished, &self.0, name));
-        if named.is_err() {
-            let _ = self.remove(&unfinished);
-        }
-        named?;
+        self.finish(&unfinished, name, private.map_err(io::Error::from))?;
         Ok(socket)
+    }
+
+    /// Gives an unfinished file or socket its name, or removes it if it could not be made.
+    fn finish(&self, unfinished: &str, name: &str, made: io::Result<()>) -> io::Result<()> {
+        let named = made.and_then(|()| self.rename(unfinished, name));
+        if named.is_err() {
+            let _ = self.remove(unfinished);
+        }
+        named
     }
 
     /// Reads a regular file of at most `most` bytes; `None` if there is none of this name.
@@ -261,11 +266,7 @@ impl Folder {
         let written = file
             .write_all(bytes)
             .and_then(|()| if durably { file.sync_all() } else { Ok(()) });
-        let named = written.and_then(|()| Ok(renameat(&self.0, &*unfinished, &self.0, name)?));
-        if named.is_err() {
-            let _ = self.remove(&unfinished);
-        }
-        named?;
+        self.finish(&unfinished, name, written)?;
         if durably { Ok(fsync(&self.0)?) } else { Ok(()) }
     }
 

@@ -468,7 +468,7 @@ pub fn moves(command: &Command) -> bool {
 /// A running binary and its output so far. Killed on drop, with all processes that it has started.
 pub struct Run {
     child: Child,
-    /// The processes that it had started when it was killed.
+    /// The processes that it had started when it was sent a signal.
     descendants: Mutex<Vec<rustix::process::Pid>>,
     lines: Arc<Mutex<Vec<String>>>,
     readers: Vec<JoinHandle<()>>,
@@ -556,9 +556,8 @@ impl Run {
     }
 
     pub fn signal(&self, signal: rustix::process::Signal) {
-        if signal == rustix::process::Signal::KILL {
-            self.note_descendants();
-        }
+        // A guardian may outlive it after any signal that ends it.
+        self.note_descendants();
         rustix::process::kill_process(self.pid(), signal).unwrap();
     }
 

@@ -10,7 +10,8 @@ use crate::geometry::{Point, Pose, RADIUS};
 const FRICTION: f64 = 0.35;
 /// Distance that people and rolling balls keep from the robot, metres.
 const ROBOT_CLEARANCE: f64 = 0.05;
-/// How long people wait for a robot in their way before they turn back, seconds.
+/// How long people and balls on a path wait for a robot in the way before they turn back, seconds: an
+/// assumption.
 const PATIENCE: f64 = 3.0;
 /// Minimum gap between touching things, metres.
 const MIN_GAP: f64 = 0.001;

@@ -319,7 +319,8 @@ impl<'de> Deserialize<'de> for Paint {
     }
 }
 
-/// A route through the room.
+/// A route through the room. Who is on it waits for a robot in the way, and after some seconds turns
+/// back.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Route {
@@ -336,8 +337,7 @@ pub struct Route {
     pub closed: bool,
 }
 
-/// A person who stands or walks: a visible obstacle. Who has waited some seconds for the robot in
-/// their way turns back.
+/// A person who stands or walks: a visible obstacle.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
