@@ -54,8 +54,7 @@ pub enum Intent {
         /// How long to wait for the robot's confirmation that it has left.
         timeout: Duration,
     },
-    /// Cancel a docking under way; it ends as [`DockEnd::Cancelled`]. From the rescue behaviour: the search
-    /// under way finds nothing here.
+    /// Cancel a docking under way; it ends as [`DockEnd::Cancelled`].
     CancelDock,
 }
 

@@ -25,11 +25,11 @@ impl DriveGrant {
     /// The longest grant, also after a search that took all of its time.
     pub const LONGEST: Duration = Duration::from_secs(40);
 
-    /// How long a grant lasts: three times as long as the search before it took, and `least` at least. Many
+    /// How long a grant lasts: twice as long as the search before it took, and `least` at least. Many
     /// short grants between long searches spend the battery on searches from places close to each
     /// other.
     pub fn time_after(search: Duration, least: Duration) -> Duration {
-        (3 * search).clamp(least, DriveGrant::LONGEST.max(least))
+        (2 * search).clamp(least, DriveGrant::LONGEST.max(least))
     }
 
     /// Begins a grant of at most `time`.

@@ -3,7 +3,7 @@
 //!
 //! - waiting: the robot stands until the next search;
 //! - searching: the robot looks for its station on its own;
-//! - granted: a behaviour that can see drives it elsewhere, for three times as long as the failed search
+//! - granted: a behaviour that can see drives it elsewhere, for twice as long as the failed search
 //!   took ([`DriveGrant`]);
 //! - driving: the watchdog makes a short [`BlindMove`], where nothing can be granted or the grant
 //!   was not used.
@@ -181,11 +181,6 @@ impl Homing {
             self.wait(self.pause, now);
             HomingStep::Pause(self.pause)
         }
-    }
-
-    /// The robot itself has not reported that it found nothing.
-    pub fn forbid_blind_move(&mut self) {
-        self.found_nothing = false;
     }
 
     fn begin_blind_move(&mut self, now: Instant) -> HomingStep {
@@ -368,8 +363,8 @@ mod tests {
     }
 
     #[test]
-    fn a_grant_is_three_times_as_long_as_the_search_before_it_within_bounds() {
-        for (search, grant) in [(2, 8), (12, 36), (60, 40)] {
+    fn a_grant_is_twice_as_long_as_the_search_before_it_within_bounds() {
+        for (search, grant) in [(3, 8), (12, 24), (60, 40)] {
             let now = Instant::now();
             let mut homing = Homing::new(&Limits::default(), now);
             assert_eq!(homing.poll(true, now), Some(HomingStep::Search));

@@ -40,11 +40,11 @@ pub struct Limits {
     /// The rescue behaviour, which drives a robot with a low battery elsewhere after a failed
     /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
-    /// The shortest grant of the tracks to the rescue behaviour (8 s); it lasts three times as long as the
+    /// The shortest grant of the tracks to the rescue behaviour (8 s); it lasts twice as long as the
     /// failed search, at most [`DriveGrant::LONGEST`](super::DriveGrant::LONGEST).
     #[serde(skip)]
     pub rescue_time: Seconds,
-    /// The limit of each track's power during a grant (60 %); more is scaled down on both tracks
+    /// The limit of each track's power during a grant (45 %); more is scaled down on both tracks
     /// alike.
     #[serde(skip)]
     pub rescue_power: Percent,
@@ -81,7 +81,7 @@ impl Default for Limits {
             blind_moves: true,
             rescue: Rescue::Builtin,
             rescue_time: Seconds::from_secs(8),
-            rescue_power: percent(60),
+            rescue_power: percent(45),
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
             host_grace: Seconds::from_millis(1750),
