@@ -434,6 +434,27 @@ fn a_scan_tells_the_direction_of_the_walls() {
 }
 
 #[test]
+fn what_a_column_recalls_is_not_entered_again() {
+    let rig = lasting(
+        1.0,
+        "local whereabouts, map = require('@spykee/whereabouts'), require('@spykee/map')
+         local column = { bearing = 0, depth = 0.7, away = 0.7, wall = 0.7, known = true, nearest = 1.3, recalled = true }
+         whereabouts.see({ column })
+         print(map.obstacle_ahead({ x = 0, y = 0, heading = 0 }))
+         column.recalled = nil
+         whereabouts.see({ column })
+         print(map.obstacle_ahead({ x = 0, y = 0, heading = 0 }))",
+    );
+    let texts = rig.texts();
+    assert_eq!(texts[0], "nil");
+    assert!(
+        (0.5..0.8).contains(&texts[1].parse().unwrap()),
+        "{}",
+        texts[1]
+    );
+}
+
+#[test]
 fn an_obstacle_blocks_the_way() {
     let rig = lasting(
         1.0,
