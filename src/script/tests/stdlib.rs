@@ -434,6 +434,48 @@ fn a_scan_tells_the_direction_of_the_walls() {
 }
 
 #[test]
+fn a_scan_tells_the_place_of_a_robot_that_is_believed_up_to_a_metre_aside() {
+    let rig = lasting(
+        1.0,
+        &format!(
+            "{TWO_ROOMS}
+             print(map.match({{ x = 1, y = 2, heading = 0 }}, scan(1, 2, 0))) -- nothing is known yet
+             enter(2, 1.5, 0)
+             local function off(x, y, heading, off_x, off_y)
+                 local believed = {{ x = x + off_x, y = y + off_y, heading = heading }}
+                 local at_x, at_y = map.match(believed, scan(x, y, heading))
+                 return math.max(math.abs(at_x - x), math.abs(at_y - y))
+             end
+             print(off(1.2, 1, 0.3, 0, 0) < 0.12, off(1.2, 1, 0.3, 0.5, -0.4) < 0.12)
+             print(off(2.7, 1.8, 2, -0.7, 0.3) < 0.12, off(1.2, 1, 0.3, 2, 0) > 0.9) -- too far aside
+             print(map.match({{ x = 1, y = 2, heading = 0 }}, {{}}))"
+        ),
+    );
+    assert_eq!(rig.texts(), ["1 2", "true true", "true true", "1 2"]);
+}
+
+#[test]
+fn a_scan_does_not_fit_where_its_rays_would_pass_through_a_wall() {
+    let rig = lasting(
+        1.0,
+        "local map = require('@spykee/map')
+         local function wall(distance)
+             local rays = {}
+             for angle = -0.5, 0.5, 0.05 do
+                 local away = distance / math.cos(angle)
+                 table.insert(rays, { angle = angle, distance = away, known = true, low = away, nearest = 0.5 })
+             end
+             return rays
+         end
+         map.enter({ x = 0, y = 0, heading = 0 }, wall(2), 1)
+         map.enter({ x = 4.9, y = 0, heading = math.pi }, wall(2), 1) -- another one, 0.9 m behind it
+         local x = map.match({ x = 0.6, y = 0, heading = 0 }, wall(2)) -- nearer to where it fits behind the first
+         print(math.abs(x) < 0.15)",
+    );
+    assert_eq!(rig.texts(), ["true"]);
+}
+
+#[test]
 fn what_a_column_recalls_is_not_entered_again() {
     let rig = lasting(
         1.0,
