@@ -224,6 +224,57 @@ fn the_modules_take_a_frame_of_8x8_which_shows_no_free_floor() {
     assert_eq!(rig.texts(), ["0 false 0 false"]);
 }
 
+/// What a robot with this heading sees of a room whose walls are plain from 230 to 370 degrees; the left is positive.
+fn seen_towards(heading: f64) -> Bytes {
+    let pixels = RgbImage::from_fn(320, 240, |x, y| {
+        let angle = (heading + (160.0 - f64::from(x)) / 6.0 - 230.0).rem_euclid(360.0);
+        let pattern = 40.0 * (angle / 9.0).sin() + 30.0 * (angle / 17.0 + 1.0).sin();
+        let wall = 150.0 + if angle < 140.0 { 0.0 } else { pattern };
+        if y < 140 {
+            Rgb([wall as u8; 3])
+        } else {
+            Rgb([120, 100, 80])
+        }
+    });
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
+        .encode_image(&pixels)
+        .unwrap();
+    Bytes::from(jpeg)
+}
+
+#[test]
+fn a_turn_that_begins_next_to_something_plain_begins_as_soon_as_one_before() {
+    let source = "local whereabouts = require('@spykee/whereabouts')
+         robot.on('frame', whereabouts.watch)
+         for number = 1, 2 do
+             local before = whereabouts.heading()
+             whereabouts.begin_watching()
+             task.wait(19)
+             whereabouts.settle()
+             print(math.deg(whereabouts.heading() - before))
+         end";
+    let mut rig = Rig::with(source, |options| options.limits.callback_budget_ms = 5_000);
+    rig.deliver(connected(false));
+    let mut seq = 0;
+    for start in [45.0, 260.0] {
+        // For 0.5 s it stands, then it turns for 18 s, then it stands.
+        for tenth in 0..190 {
+            let turned = 2.8 * f64::from((tenth - 5).clamp(0, 180));
+            seq += 1;
+            show(&mut rig, seq, &seen_towards(start + turned));
+            rig.pass(0.1);
+        }
+        rig.pass(0.01);
+    }
+    let texts = rig.texts();
+    assert_eq!(texts.len(), 2);
+    for text in texts {
+        let turned: f64 = text.parse().unwrap();
+        assert!((489.0..519.0).contains(&turned), "degrees: {turned}");
+    }
+}
+
 #[test]
 fn handlers_and_waits_switch_their_streams_on() {
     for (source, stream) in [
