@@ -54,7 +54,8 @@ pub enum Intent {
         /// How long to wait for the robot's confirmation that it has left.
         timeout: Duration,
     },
-    /// Cancel a docking under way; it ends as [`DockEnd::Cancelled`].
+    /// Cancel a docking under way; it ends as [`DockEnd::Cancelled`]. From the rescue behaviour: the search
+    /// under way finds nothing here.
     CancelDock,
 }
 

@@ -234,6 +234,23 @@ impl Docking {
         }
     }
 
+    /// The attempts that have ended.
+    pub fn earlier_attempts(&self) -> u32 {
+        self.attempts.saturating_sub(1)
+    }
+
+    /// Ends a search as one that has found nothing.
+    pub fn give_up(&mut self, now: Instant) -> Vec<DockAction> {
+        match self.phase {
+            DockingPhase::Searching { .. } => [
+                vec![DockAction::Cancel],
+                self.failed(DockEnd::BaseNotFound, now),
+            ]
+            .concat(),
+            _ => vec![],
+        }
+    }
+
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],

@@ -183,6 +183,11 @@ impl Homing {
         }
     }
 
+    /// The robot itself has not reported that it found nothing.
+    pub fn forbid_blind_move(&mut self) {
+        self.found_nothing = false;
+    }
+
     fn begin_blind_move(&mut self, now: Instant) -> HomingStep {
         self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
         self.blind_moves = self.blind_moves.saturating_add(1);

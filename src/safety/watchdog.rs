@@ -90,6 +90,8 @@ pub struct Watchdog {
 impl Watchdog {
     /// The power with which a behaviour's docking backs off between attempts, percent.
     const BACK_OFF_PERCENT: f64 = 30.0;
+    /// Of so many searches the rescue behaviour cannot give up the first.
+    const FULL_SEARCH_EVERY: u32 = 4;
     /// The mean power of both tracks with which a robot is taken to search for its station.
     const SEARCH_EFFORT: f64 = 0.3;
     /// How long 0 % on the contacts may mean that the battery charges.
@@ -1250,6 +1252,7 @@ impl Watchdog {
             Intent::Stop => self.stop_asked(by, priority, now),
             Intent::Dock { call, plan } => self.dock_asked(caller(call), plan, now),
             Intent::Undock { call, timeout } => self.undock_asked(caller(call), timeout, now),
+            Intent::CancelDock if self.rescuer == Some(by) => self.give_up_search(by, now),
             Intent::CancelDock => self.cancel_docks(Some((by, priority)), now),
             Intent::Led { .. }
             | Intent::Play(_)
@@ -1418,6 +1421,25 @@ impl Watchdog {
         }
         for caller in over {
             self.answer_dock(caller, DockOutcome::without_attempt(DockEnd::Cancelled));
+        }
+    }
+
+    /// The rescue behaviour has seen that the search is in vain. The first search and each fourth one after it run
+    /// their full time, in case the behaviour is wrong.
+    fn give_up_search(&mut self, by: BehaviourId, now: Instant) {
+        let may_drive = self.grantable() == Some(by);
+        let failures = self.homing.as_ref().map_or(0, Homing::failures);
+        if let Some(active) = &mut self.docking
+            && may_drive
+            && (active.forced || active.wants_rescue())
+            && !(failures + active.docking.earlier_attempts())
+                .is_multiple_of(Watchdog::FULL_SEARCH_EVERY)
+        {
+            let actions = active.docking.give_up(now);
+            self.execute_dock_actions(actions, now);
+            if let Some(homing) = &mut self.homing {
+                homing.forbid_blind_move();
+            }
         }
     }
 

@@ -24,6 +24,7 @@ mod genuine;
 mod guardian;
 mod guide;
 mod hostile;
+mod in_the_way;
 mod journal;
 mod lessons;
 mod link;

@@ -108,6 +108,22 @@ fn between_two_searches_of_a_docking_the_rescue_behaviour_drives() {
 }
 
 #[test]
+fn the_rescue_behaviour_gives_up_a_search_of_a_docking_that_it_helps() {
+    let mut rig = granted();
+    rig.ask_as(RESCUER, 0, Intent::Stop);
+    rig.pass(10 * SECOND, false);
+    let acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
+    assert!(matches!(events(&acts)[..], [Event::DriveGrant { .. }]));
+    // Not one that it does not help.
+    let mut rig = Rig::online(60);
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    rig.dock(7);
+    rig.pass(10 * SECOND, false);
+    assert_eq!(rig.ask_as(RESCUER, 0, Intent::CancelDock), []);
+}
+
+#[test]
 fn a_docking_with_the_usual_retries_backs_off_and_needs_no_rescue() {
     let mut rig = Rig::online(60);
     rig.dock(7);

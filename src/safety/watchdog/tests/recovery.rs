@@ -290,6 +290,51 @@ fn a_grant_is_announced_and_lasts_eight_seconds_at_less_than_half_power() {
 }
 
 #[test]
+fn the_rescuer_gives_up_searches_but_not_each_first_of_four() {
+    let (mut rig, _) = granted(Limits::default());
+    let mut given_up = Vec::new();
+    for _ in 1..9 {
+        rig.ask_as(RESCUER, 0, Intent::Stop);
+        rig.pass(9 * SECOND, false);
+        let acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
+        given_up.push(!acts.is_empty());
+        let acts = if acts.is_empty() {
+            rig.handle(NOT_FOUND)
+        } else {
+            assert_eq!(sent(&acts)[..2], [CANCEL, Command::STOP]);
+            acts
+        };
+        let seconds = 18 * SECOND;
+        let power = Limits::default().rescue_power;
+        assert!(acts.contains(&Act::Tell(RESCUER, Event::DriveGrant { seconds, power })));
+    }
+    assert_eq!(given_up, [true, true, true, false, true, true, true, false]);
+}
+
+#[test]
+fn after_a_search_that_was_given_up_no_blind_move_follows_but_a_search() {
+    let (mut rig, _) = granted(Limits::default());
+    rig.ask_as(RESCUER, 0, Intent::Stop);
+    rig.pass(9 * SECOND, false);
+    rig.ask_as(RESCUER, 0, Intent::CancelDock);
+    let acts = rig.pass(1500 * MS, false);
+    assert_eq!((tracks(&acts), count(&acts, &FIND)), (vec![(0, 0)], 1));
+}
+
+#[test]
+fn nobody_else_gives_up_a_search_and_nothing_but_a_search_is_given_up() {
+    let (mut rig, _) = granted(Limits::default());
+    drive(&mut rig, 1);
+    assert_eq!(rig.ask_as(RESCUER, 0, Intent::CancelDock), []);
+    assert!(rig.dog.moving());
+    rig.ask_as(RESCUER, 0, Intent::Stop);
+    rig.pass(9 * SECOND, false);
+    assert_eq!(rig.ask_as(WHO, i16::MAX, Intent::CancelDock), []);
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    assert_eq!(rig.ask_as(RESCUER, 0, Intent::CancelDock), []);
+}
+
+#[test]
 fn during_a_grant_motion_and_stops_of_others_are_refused() {
     let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);

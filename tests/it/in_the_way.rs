@@ -1,0 +1,55 @@
+//! A low robot that presses against something on its own way to the station: it hears the beacon through a fence
+//! that it cannot pass. In virtual time.
+
+use std::time::Duration;
+
+use spykee::sim::World;
+use spykee::simulation::{self, Simulation};
+use spykee::wire::{Command, Engage};
+use tokio::time::sleep;
+
+const FENCED: &str = "
+name: fenced
+room: { width: 4, depth: 3 }
+station: { at: [0, 1.5], heading_degrees: 0, docking: { sees_obstacles: false } }
+posts: [
+  { at: [1.4, 0.24], colour: red }, { at: [1.4, 0.52], colour: red }, { at: [1.4, 0.8], colour: red },
+  { at: [1.4, 1.08], colour: red }, { at: [1.4, 1.36], colour: red }, { at: [1.4, 1.64], colour: red },
+  { at: [1.4, 1.92], colour: red }, { at: [1.4, 2.2], colour: red }, { at: [1.4, 2.48], colour: red },
+  { at: [1.4, 2.76], colour: red },
+]
+start: { at: [2.8, 1.5], heading_degrees: 0 }
+battery: { level: 14, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
+camera: { fps: 5 }
+";
+const WATCHED: Duration = Duration::from_secs(600);
+/// The rescue behaviour waits for so long, and the robot may need this to get to the fence.
+const PRESSED: Duration = Duration::from_secs(6);
+const LONGEST: Duration = Duration::from_secs(60);
+
+#[test]
+fn a_search_in_which_the_robot_presses_against_something_is_given_up_but_not_the_first() {
+    let world = World::from_yaml(FENCED, "fenced").unwrap();
+    let options = simulation::Options::default();
+    let heard = simulation::run(world, options, async |simulation: &Simulation| {
+        let _run = simulation.start(vec![], None);
+        sleep(WATCHED).await;
+        simulation.sim().heard()
+    });
+    let heard = heard.unwrap();
+    let times = |wanted: Engage| {
+        let wanted = Command::Engine(wanted);
+        let found = heard.iter().filter(move |one| one.command == wanted);
+        found.map(|one| one.at).collect::<Vec<_>>()
+    };
+    let (searches, given_up) = (times(Engage::Dock), times(Engage::CancelDock));
+    assert!(given_up.len() >= 2, "{searches:?}, given up: {given_up:?}");
+    for at in given_up {
+        let begun = searches.iter().rev().find(|begun| **begun < at).unwrap();
+        assert!(
+            (PRESSED..LONGEST).contains(&(at - *begun)),
+            "{begun:?}, {at:?}"
+        );
+        assert_ne!(begun, &searches[0]);
+    }
+}
