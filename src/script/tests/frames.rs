@@ -276,6 +276,28 @@ fn a_turn_that_begins_next_to_something_plain_begins_as_soon_as_one_before() {
 }
 
 #[test]
+fn the_rescue_behaviour_gives_up_a_search_whose_pictures_no_longer_change_but_not_of_a_camera_that_hangs()
+ {
+    let source = crate::script::modules::RESCUE;
+    let mut rig = Rig::with(source, |options| options.limits.callback_budget_ms = 5_000);
+    rig.deliver(connected(false));
+    let mut seq = 0;
+    let mut give_ups = |jpeg: &Bytes, pictures: u32| {
+        for _ in 0..pictures {
+            seq += 1;
+            show(&mut rig, seq, jpeg);
+            rig.pass(0.2);
+        }
+        let is_give_up = |intent: &&Intent| matches!(intent, Intent::CancelDock);
+        rig.take_intents().iter().filter(is_give_up).count()
+    };
+    let (one, other) = (room(320, 240), picture(&[]));
+    assert_eq!(give_ups(&one, 60), 0);
+    assert_eq!(give_ups(&other, 29), 0);
+    assert_eq!(give_ups(&other, 60), 1);
+}
+
+#[test]
 fn handlers_and_waits_switch_their_streams_on() {
     for (source, stream) in [
         ("robot.on('frame', print)", Stream::Video),
