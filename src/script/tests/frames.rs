@@ -265,7 +265,7 @@ fn a_turn_that_begins_next_to_something_plain_begins_as_soon_as_one_before() {
             show(&mut rig, seq, &seen_towards(start + turned));
             rig.pass(0.1);
         }
-        rig.pass(0.01);
+        rig.pass(0.1);
     }
     let texts = rig.texts();
     assert_eq!(texts.len(), 2);
