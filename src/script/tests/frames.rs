@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use image::{Rgb, RgbImage};
 
-use super::vision::{RED, looking, picture, seen, show};
+use super::vision::{RED, encoded, looking, picture, seen, show};
 use super::*;
 use crate::wire::Stream;
 
@@ -145,11 +145,7 @@ fn room(width: u32, height: u32) -> Bytes {
             _ => Rgb([120, 100, 80]),
         }
     });
-    let mut jpeg = Vec::new();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
-        .encode_image(&pixels)
-        .unwrap();
-    Bytes::from(jpeg)
+    encoded(&pixels)
 }
 
 /// Runs one of the supplied behaviours with three frames of this size.
@@ -236,11 +232,7 @@ fn seen_towards(heading: f64) -> Bytes {
             Rgb([120, 100, 80])
         }
     });
-    let mut jpeg = Vec::new();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
-        .encode_image(&pixels)
-        .unwrap();
-    Bytes::from(jpeg)
+    encoded(&pixels)
 }
 
 #[test]

@@ -9,6 +9,15 @@ const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 /// A rectangle (x, y, w, h) and its colour.
 pub(super) type Part = ((u32, u32, u32, u32), [u8; 3]);
 
+/// A picture as the robot sends it.
+pub(super) fn encoded(pixels: &RgbImage) -> Bytes {
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
+        .encode_image(pixels)
+        .unwrap();
+    Bytes::from(jpeg)
+}
+
 /// A grey picture of 320x240 with rectangles.
 pub(super) fn picture(parts: &[Part]) -> Bytes {
     let mut pixels = RgbImage::from_pixel(320, 240, GREY);
@@ -17,11 +26,7 @@ pub(super) fn picture(parts: &[Part]) -> Bytes {
             pixels.put_pixel(x, y, Rgb(colour));
         }
     }
-    let mut jpeg = Vec::new();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
-        .encode_image(&pixels)
-        .unwrap();
-    Bytes::from(jpeg)
+    encoded(&pixels)
 }
 
 pub(super) const RED: [u8; 3] = [220, 20, 20];
