@@ -1234,7 +1234,13 @@ const promises = {
     const wall = await open(browser, { url: `${url}wall${/#token=\S+/.exec(server.text)[0]}` }, { viewport: { width: 1920, height: 1080 } });
     await button(wall, "Freeze all").waitFor();
     const page = await open(browser, { url: `${url}#${/Class word: (.*)/.exec(server.text)[1].replaceAll(" ", "-")}` }, TABLET);
+    // The form is there once the server has said that it does not know the device.
+    const name = page.getByRole("textbox", { name: "Your name or nickname" });
+    await name.waitFor();
     await usable(page, "joining");
+    if (!(await name.evaluate((field) => field === document.activeElement))) {
+      throw new Error("the keyboard is not in the field for the name");
+    }
     await page.keyboard.type("Ada <b>");
     await page.keyboard.press("Enter");
     await button(wall, "Let in Ada <b>").click();
