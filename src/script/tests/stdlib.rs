@@ -414,29 +414,6 @@ fn something_low_is_no_wall_and_what_is_behind_it_replaces_nothing_that_was_seen
 }
 
 #[test]
-fn a_wall_remains_on_the_map_when_later_rays_to_it_are_a_little_too_long() {
-    let rig = lasting(
-        1.0,
-        "local map = require('@spykee/map')
-         local function wall(distance)
-             local rays = {}
-             for angle = -0.5, 0.5, 0.05 do
-                 local away = distance / math.cos(angle)
-                 table.insert(rays, { angle = angle, distance = away, known = true, low = away, nearest = 0.5 })
-             end
-             return rays
-         end
-         local pose = { x = 0, y = 0, heading = 0 }
-         map.enter(pose, wall(1.5), 1)
-         for _ = 1, 5 do
-             map.enter(pose, wall(1.68), 1)
-         end
-         print(map.obstacle_ahead({ x = 0.5, y = 0, heading = 0 }) < 1)",
-    );
-    assert_eq!(rig.texts(), ["true"]);
-}
-
-#[test]
 fn a_scan_tells_the_direction_of_the_walls() {
     let rig = lasting(
         1.0,
