@@ -29,7 +29,18 @@ const LONGEST: Duration = Duration::from_secs(60);
 
 #[test]
 fn a_search_in_which_the_robot_presses_against_something_is_given_up_but_not_the_first() {
-    let world = World::from_yaml(FENCED, "fenced").unwrap();
+    assert_gives_up_pressing(FENCED);
+}
+
+#[test]
+fn a_genuine_robot_that_sways_on_tiles_while_it_presses_gives_the_search_up_too() {
+    let on_tiles = FENCED.replace("depth: 3 }", "depth: 3, floor: tiles }");
+    let reads_its_charge = on_tiles.replace("battery: {", "battery: { power: percent,");
+    assert_gives_up_pressing(&format!("preset: genuine\n{reads_its_charge}"));
+}
+
+fn assert_gives_up_pressing(world: &str) {
+    let world = World::from_yaml(world, "world").unwrap();
     let options = simulation::Options::default();
     let heard = simulation::run(world, options, async |simulation: &Simulation| {
         let _run = simulation.start(vec![], None);
