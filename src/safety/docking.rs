@@ -207,8 +207,7 @@ impl Docking {
     /// Grants the tracks until the next attempt, instead of backing off; returns for how long.
     /// `least` is the shortest grant.
     pub fn grant(&mut self, by: BehaviourId, least: Duration, now: Instant) -> Duration {
-        let search = now.saturating_duration_since(self.searched_at);
-        let time = DriveGrant::time_after(search, least);
+        let time = DriveGrant::time_after(self.time_since_search(now), least);
         self.phase = DockingPhase::Granted(DriveGrant::start(by, time, now));
         time
     }
@@ -232,6 +231,11 @@ impl Docking {
             DockingPhase::Granted(_) => self.search(now),
             _ => vec![],
         }
+    }
+
+    /// The time since the last search began.
+    pub fn time_since_search(&self, now: Instant) -> Duration {
+        now.saturating_duration_since(self.searched_at)
     }
 
     /// The attempts that have ended.

@@ -90,8 +90,10 @@ pub struct Watchdog {
 impl Watchdog {
     /// The power with which a behaviour's docking backs off between attempts, percent.
     const BACK_OFF_PERCENT: f64 = 30.0;
-    /// Of so many searches the rescue behaviour cannot give up the first.
+    /// Of so many searches the rescue behaviour cannot give up the first before [`Watchdog::FULL_SEARCH`].
     const FULL_SEARCH_EVERY: u32 = 4;
+    /// A search that finds the station has mostly done so in this time.
+    const FULL_SEARCH: Duration = Duration::from_secs(60);
     /// The mean power of both tracks with which a robot is taken to search for its station.
     const SEARCH_EFFORT: f64 = 0.3;
     /// How long 0 % on the contacts may mean that the battery charges.
@@ -1424,16 +1426,17 @@ impl Watchdog {
         }
     }
 
-    /// The rescue behaviour has seen that the search is in vain. The first search and each fourth one after it run
-    /// their full time, in case the behaviour is wrong.
+    /// The rescue behaviour has seen that the search is in vain. The first search and each fourth one after it last
+    /// [`Watchdog::FULL_SEARCH`] at least, in case the behaviour is wrong.
     fn give_up_search(&mut self, by: BehaviourId, now: Instant) {
         let may_drive = self.grantable() == Some(by);
         let failures = self.homing.as_ref().map_or(0, Homing::failures);
         if let Some(active) = &mut self.docking
             && may_drive
             && (active.forced || active.wants_rescue())
-            && !(failures + active.docking.earlier_attempts())
-                .is_multiple_of(Watchdog::FULL_SEARCH_EVERY)
+            && (active.docking.time_since_search(now) >= Watchdog::FULL_SEARCH
+                || !(failures + active.docking.earlier_attempts())
+                    .is_multiple_of(Watchdog::FULL_SEARCH_EVERY))
         {
             let actions = active.docking.give_up(now);
             self.execute_dock_actions(actions, now);

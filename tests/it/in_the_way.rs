@@ -23,12 +23,14 @@ battery: { level: 14, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.0
 camera: { fps: 5 }
 ";
 const WATCHED: Duration = Duration::from_secs(600);
-/// The rescue behaviour waits for so long, and the robot may need this to get to the fence.
+/// The rescue behaviour waits for so long, and each fourth search and the robot's way to the fence may take this.
 const PRESSED: Duration = Duration::from_secs(6);
-const LONGEST: Duration = Duration::from_secs(60);
+const LONGEST: Duration = Duration::from_secs(70);
+/// The first search lasts so long.
+const MINUTE: Duration = Duration::from_secs(60);
 
 #[test]
-fn a_search_in_which_the_robot_presses_against_something_is_given_up_but_not_the_first() {
+fn a_search_in_which_the_robot_presses_against_something_is_given_up_the_first_after_a_minute() {
     assert_gives_up_pressing(FENCED);
 }
 
@@ -61,6 +63,6 @@ fn assert_gives_up_pressing(world: &str) {
             (PRESSED..LONGEST).contains(&(at - *begun)),
             "{begun:?}, {at:?}"
         );
-        assert_ne!(begun, &searches[0]);
+        assert!(begun != &searches[0] || at - *begun >= MINUTE, "{at:?}");
     }
 }

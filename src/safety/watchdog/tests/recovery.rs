@@ -290,25 +290,38 @@ fn a_grant_is_announced_and_lasts_eight_seconds_at_less_than_half_power() {
 }
 
 #[test]
-fn the_rescuer_gives_up_searches_but_not_each_first_of_four() {
+fn the_rescuer_gives_up_searches_but_not_each_first_of_four_in_its_first_minute() {
     let (mut rig, _) = granted(Limits::default());
     let mut given_up = Vec::new();
     for _ in 1..9 {
         rig.ask_as(RESCUER, 0, Intent::Stop);
         rig.pass(9 * SECOND, false);
-        let acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
+        let mut acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
         given_up.push(!acts.is_empty());
-        let acts = if acts.is_empty() {
-            rig.handle(NOT_FOUND)
-        } else {
-            assert_eq!(sent(&acts)[..2], [CANCEL, Command::STOP]);
-            acts
-        };
-        let seconds = 18 * SECOND;
+        let mut seconds = 18 * SECOND;
+        if acts.is_empty() {
+            rig.pass(50 * SECOND, false);
+            assert_eq!(rig.ask_as(RESCUER, 0, Intent::CancelDock), []);
+            rig.pass(SECOND, false);
+            acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
+            seconds = 40 * SECOND;
+        }
+        assert_eq!(sent(&acts)[..2], [CANCEL, Command::STOP]);
         let power = Limits::default().rescue_power;
         assert!(acts.contains(&Act::Tell(RESCUER, Event::DriveGrant { seconds, power })));
     }
     assert_eq!(given_up, [true, true, true, false, true, true, true, false]);
+}
+
+#[test]
+fn the_rescuer_gives_up_the_first_search_after_a_minute() {
+    let mut rig = searching(20, Limits::default());
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    rig.pass(50 * SECOND, false);
+    assert_eq!(rig.ask_as(RESCUER, 0, Intent::CancelDock), []);
+    rig.pass(10 * SECOND, false);
+    let acts = rig.ask_as(RESCUER, 0, Intent::CancelDock);
+    assert_eq!(sent(&acts)[..2], [CANCEL, Command::STOP]);
 }
 
 #[test]
