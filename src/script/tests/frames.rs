@@ -284,9 +284,11 @@ fn the_rescue_behaviour_gives_up_a_search_whose_pictures_no_longer_change_but_no
         rig.take_intents().iter().filter(is_give_up).count()
     };
     let (one, other) = (room(320, 240), picture(&[]));
-    assert_eq!(give_ups(&one, 60), 0);
+    assert_eq!(give_ups(&one, 100), 0);
     assert_eq!(give_ups(&other, 29), 0);
-    assert_eq!(give_ups(&other, 60), 1);
+    // About twice a second, since the watchdog does not allow it at all times.
+    let asked = give_ups(&other, 60);
+    assert!((15..=25).contains(&asked), "{asked}");
 }
 
 #[test]
