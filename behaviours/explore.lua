@@ -8,7 +8,7 @@ local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "speed straight ahead" },
-	enough = { default = 80, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
+	enough = { default = 80, min = 35, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 	margin = { default = 1.2, min = 0.7, max = 2, unit = "m", doc = "turns away when less than this is free ahead" },
 })
 

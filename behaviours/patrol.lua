@@ -13,8 +13,8 @@ local settings = params.declare({
 	legs = { default = 4, min = 1, max = 12, doc = "legs of a round; the turns between them add up to a full circle" },
 	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "speed on a leg" },
 	watch = { default = 10, min = 0, max = 600, unit = "s", doc = "stands still so long once in a round, so that a guard sees who moves" },
-	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; at 20 % the watchdog docks" },
-	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
+	go_home = { default = 40, min = 31, max = 90, unit = "%", doc = "docks at this battery level; at 30 % the watchdog docks" },
+	enough = { default = 75, min = 35, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 	rounds = { default = 0, min = 0, max = 1000, doc = "rounds until it goes home and ends; 0: goes on until it is stopped" },
 })
 local COLOURS = { "red", "green", "blue", "yellow" }

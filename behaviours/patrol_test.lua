@@ -46,12 +46,12 @@ scenario("drives its legs, photographs and hits nothing", { battery = 90, fps = 
 	expect(sim:collisions() == 0)
 end)
 
-scenario("charges in time and continues with the next leg", { battery = 42, fps = 8 }, function(sim)
+scenario("charges in time and continues with the next leg", { battery = 52, fps = 8 }, function(sim)
 	somewhere(sim)
 	-- While a genuine robot docks, the small battery of the living room may lose 15 percent.
-	sim:run({ "patrol.lua", params = { go_home = 37 } })
-	expect(sim:wait_until(function() return sim:charging() end, 160), "it goes home at 37 %")
-	expect(#sim:log("watchdog") == 0 and sim:battery() > 20, "it goes before the watchdog has to act")
+	sim:run({ "patrol.lua", params = { go_home = 47 } })
+	expect(sim:wait_until(function() return sim:charging() end, 160), "it goes home at 47 %")
+	expect(#sim:log("watchdog") == 0 and sim:battery() > 30, "it goes before the watchdog has to act")
 	local before = #legs(sim)
 	expect(sim:wait_until(function() return #legs(sim) > before end, 120), "it leaves the station again")
 	expect(not sim:docked() and sim:battery() > 70)

@@ -93,7 +93,7 @@ impl BatteryMonitor {
 
     /// How long a battery must charge to count as good although its level is not known. Many stations
     /// end charging after four hours (`PROTOCOL.md`, *The station*), so an hour is at least a quarter
-    /// of a charge: a robot that came home at 20 % has 45 % then, and a small battery is full.
+    /// of a charge: a robot that came home at 30 % has 55 % then, and a small battery is full.
     pub const FILL_TIME: Duration = Duration::from_secs(60 * 60);
 
     /// The most points by which a level changes from one report to the next, besides ...
@@ -420,9 +420,9 @@ mod tests {
     #[test]
     fn one_report_at_the_low_level_is_enough() {
         let mut rig = Rig::new();
-        assert_eq!(rig.report(21, false), None);
-        assert_eq!(rig.report(20, false), low_at(20));
-        assert_eq!(rig.report(19, false), None, "reported once");
+        assert_eq!(rig.report(31, false), None);
+        assert_eq!(rig.report(30, false), low_at(30));
+        assert_eq!(rig.report(29, false), None, "reported once");
         assert_eq!(
             Rig::at(90).report(3, false),
             low_at(3),
@@ -474,7 +474,7 @@ mod tests {
 
     #[test]
     fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
-        let mut rig = Rig::at(30);
+        let mut rig = Rig::at(40);
         assert_eq!(rig.report(15, true), None);
         let due = rig.now + BatteryMonitor::UNCONFIRMED_TIMEOUT;
         assert_eq!(rig.monitor.unconfirmed_deadline(), Some(due));
@@ -531,13 +531,13 @@ mod tests {
     fn a_level_that_leaps_is_believed_at_the_third_report() {
         let mut rig = Rig::at(60);
         for (percent, believed) in [
-            (30, 60),
+            (40, 60),
             (59, 59),
             (100, 59),
-            (30, 59),
-            (31, 59),
-            (30, 30),
-            (29, 29),
+            (40, 59),
+            (41, 59),
+            (40, 40),
+            (39, 39),
         ] {
             rig.report(percent, false);
             assert_eq!(rig.level(), Some(believed), "{percent}");
@@ -776,7 +776,7 @@ mod tests {
                 rig.report(level, false);
             }
             prop_assert_eq!(rig.level(), Some(level));
-            prop_assert_eq!(rig.monitor.low().is_some(), level <= 20 || (level < 50 && rig.monitor.low().is_some()));
+            prop_assert_eq!(rig.monitor.low().is_some(), level <= 30 || (level < 50 && rig.monitor.low().is_some()));
         }
     }
 }

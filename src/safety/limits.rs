@@ -17,7 +17,7 @@ pub struct Limits {
     /// `voltage`, a share of a voltage, which is converted; `auto`, a share of the energy until it
     /// sags twice while the tracks run. All levels are shares of the energy.
     pub power: PowerMeaning,
-    /// At or below this level the robot is sent home, whatever the scripts do (20 %).
+    /// At or below this level the robot is sent home, whatever the scripts do (30 %).
     pub low: Percent,
     /// At this level or above, a robot that was low may move again (50 %).
     pub ok: Percent,
@@ -71,7 +71,7 @@ impl Default for Limits {
     fn default() -> Limits {
         Limits {
             power: PowerMeaning::Auto,
-            low: percent(20),
+            low: percent(30),
             ok: percent(50),
             critical: percent(8),
             dock_timeout: Seconds::from_secs(180),
@@ -195,7 +195,7 @@ mod tests {
         let limits = Limits::default();
         assert_eq!(
             (limits.low.get(), limits.ok.get(), limits.critical.get()),
-            (20, 50, 8)
+            (30, 50, 8)
         );
         assert_eq!(limits.host_silence, Seconds::from_millis(250));
         assert_eq!(limits.host_idle_silence, Seconds::from_secs(5));

@@ -23,7 +23,7 @@ mod mqtt;
 #[allow(dead_code)]
 mod rig;
 
-use long_runs::rescue::{Case, Name, Row, Strategy, heading, play_all};
+use long_runs::rescue::{Case, Name, Robots, Row, Strategy, heading, play_all};
 use long_runs::soak::Ledger;
 use long_runs::stops::breaks::{self, End, Outage, Outcome};
 use long_runs::stops::queue::{self, Driver};
@@ -92,19 +92,14 @@ struct RescueArgs {
     /// Only this world
     #[arg(long)]
     world: Option<Name>,
-    /// What the robots are like: see behaviours/worlds/README.md
-    #[arg(long, default_value = "exact", value_parser = ["exact", "genuine"])]
-    preset: String,
+    #[command(flatten)]
+    robots: Robots,
     /// Only this strategy
     #[arg(long)]
     strategy: Option<Strategy>,
     /// Robots at the same time [default: one for each processor]
     #[arg(long, value_parser = number!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Robots leave their station and drive for one to three minutes, and then on until they are
-    /// far from home
-    #[arg(long)]
-    driven: bool,
     /// Print every start and how it ended
     #[arg(long)]
     list: bool,
@@ -290,7 +285,7 @@ fn run_month(args: &MonthArgs) -> bool {
 
 fn run_rescue(args: &RescueArgs) -> bool {
     let worlds = args.world.map_or(Name::ALL.to_vec(), |name| vec![name]);
-    let all: &[Strategy] = if args.driven {
+    let all: &[Strategy] = if args.robots.driven {
         &Strategy::DRIVEN
     } else {
         &Strategy::PUT
@@ -299,7 +294,7 @@ fn run_rescue(args: &RescueArgs) -> bool {
     let mut rows = Vec::new();
     for world in worlds {
         let starts = args.starts as usize;
-        let cases = Case::draw(world, &args.preset, starts, args.driven, args.seed);
+        let cases = Case::draw(world, &args.robots, starts, args.seed);
         let row = |strategy: &Strategy| row(args, world, &cases, *strategy);
         rows.extend(strategies.iter().map(row));
     }

@@ -164,7 +164,7 @@ scenario("11 drives off, goes home and says so", options({ limit = 400 }), funct
 	expect(sim:charging())
 end)
 
-scenario("11-2 hears that the battery is low, and when it is charged", options({ battery = 21, limit = 600 }), function(sim)
+scenario("11-2 hears that the battery is low, and when it is charged", options({ battery = 31, limit = 600 }), function(sim)
 	sim:run("guide_11-2.lua")
 	says(sim, "low: ", 120)
 	says(sim, "charged enough: out again", 400)

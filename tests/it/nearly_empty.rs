@@ -90,7 +90,7 @@ fn a_robot_that_reports_a_voltage_goes_home_with_as_much_energy_as_another() {
     world.battery.idle_drain_per_minute = 3.0;
     world.battery.driving_drain_per_minute = 6.0;
     let energy = energy_when_sent_home(TO_AND_FRO, PowerMeaning::Auto, world.clone());
-    assert!((19.0..=21.0).contains(&energy), "percent: {energy}");
+    assert!((29.0..=31.0).contains(&energy), "percent: {energy}");
     world.battery.power = PowerReading::Voltage;
     for (script, meaning) in [
         (TO_AND_FRO, PowerMeaning::Auto),
@@ -98,7 +98,7 @@ fn a_robot_that_reports_a_voltage_goes_home_with_as_much_energy_as_another() {
         (ON_THE_SPOT, PowerMeaning::Voltage),
     ] {
         let energy = energy_when_sent_home(script, meaning, world.clone());
-        assert!((14.0..=30.0).contains(&energy), "{meaning:?}: {energy}");
+        assert!((24.0..=40.0).contains(&energy), "{meaning:?}: {energy}");
     }
     let energy = energy_when_sent_home(TO_AND_FRO, PowerMeaning::Percent, world);
     assert!(energy < 10.0, "this battery shows the difference: {energy}");

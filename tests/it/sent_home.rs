@@ -20,7 +20,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::fast::behaviour;
 use crate::long_runs::in_parallel;
-use crate::long_runs::rescue::{Name, Place, Start};
+use crate::long_runs::rescue::{Battery, Name, Place, Start};
 use crate::rig::{moves, near_home, sized};
 
 /// Leaves its station whenever it can, and drives a little.
@@ -242,7 +242,7 @@ async fn idle(simulation: &Simulation) -> bool {
 /// that the rescue works at all.
 #[test]
 fn a_robot_in_the_next_room_comes_home_whoever_orders_it() {
-    let place = Place::new(Name::LivingRoom, 1, "exact");
+    let place = Place::new(Name::LivingRoom, 1, "exact", Battery::HalfHour);
     let starts = place.starts(sized(2, 20), 7);
     let orders = [By::Person, By::Idle, By::Script];
     let before = [By::PersonWithoutRescue, By::IdleWithoutRescue];

@@ -11,7 +11,7 @@ use spykee::simulation::{self, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs::explore::explore;
-use crate::long_runs::rescue::{Name, Place, Row, Start, Strategy, heading, play_all};
+use crate::long_runs::rescue::{Battery, Name, Place, Row, Start, Strategy, heading, play_all};
 use crate::long_runs::soak::{self, Ledger, soak};
 use crate::long_runs::stops::breaks::{self, End, Outage};
 use crate::long_runs::stops::queue::{self, Driver, Stopper, Trial};
@@ -105,7 +105,7 @@ fn days_of_a_service_with_faults() {
 /// the rescue works at all.
 #[test]
 fn low_robots_in_the_next_room_come_home_without_help_from_their_behaviour() {
-    let place = Place::new(Name::LivingRoom, 1, "exact");
+    let place = Place::new(Name::LivingRoom, 1, "exact", Battery::HalfHour);
     let starts = place.starts(sized(3, 6), 1);
     expect_home(place, &starts, sized(2, 3));
 }
@@ -113,7 +113,7 @@ fn low_robots_in_the_next_room_come_home_without_help_from_their_behaviour() {
 /// Between two walls and a post; from there the floor beside the post looks free.
 #[test]
 fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
-    let place = Place::new(Name::TightSpots, 1, "exact");
+    let place = Place::new(Name::TightSpots, 1, "exact", Battery::HalfHour);
     let starts: Vec<Start> = (0..8u8)
         .step_by(sized(4, 1))
         .map(|eighth| Start {

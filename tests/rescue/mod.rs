@@ -29,9 +29,8 @@ const SECOND_ROOM: f64 = 4.9;
 const TIGHT: f64 = 0.03;
 /// The least way home from a tight spot, metres: nearer to its station a search often finds it.
 const TIGHT_WAY: f64 = 2.5;
-/// Charge at the start, percent.
-const LEAST_BATTERY: f64 = 15.0;
-const MAX_BATTERY: f64 = 20.0;
+/// So many points below the low level, at most, is the charge at the start.
+const BELOW_LOW: f64 = 5.0;
 
 /// A world that robots are rescued in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -70,6 +69,38 @@ impl Name {
     }
 }
 
+/// How long a robot drives on one charge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Battery {
+    /// As owners report of a new one.
+    Hour,
+    HalfHour,
+}
+
+impl Battery {
+    fn settings(self) -> BatterySettings {
+        match self {
+            Battery::Hour => World::builtin("playpen").unwrap().battery,
+            Battery::HalfHour => two_rooms().battery,
+        }
+    }
+}
+
+/// What the robots are like, and how they come to where they are rescued from.
+#[derive(Debug, clap::Args)]
+pub struct Robots {
+    /// What they are like: see behaviours/worlds/README.md
+    #[arg(long, default_value = "exact", value_parser = ["exact", "genuine"])]
+    pub preset: String,
+    /// How long they drive on one charge
+    #[arg(long, value_enum, default_value_t = Battery::Hour)]
+    pub battery: Battery,
+    /// They leave their station and drive for one to three minutes, and then on until they are far
+    /// from home
+    #[arg(long)]
+    pub driven: bool,
+}
+
 /// Where a robot starts, and with how much.
 #[derive(Debug, Clone, Copy)]
 pub struct Start {
@@ -96,8 +127,8 @@ pub struct Place {
 impl Place {
     /// In the living room robots start in the second room, in tight spots beside a wall or a thing, and
     /// elsewhere in the third of the floor that is farthest from the station. `seed` is that of the flat,
-    /// `preset` the world's key of this name.
-    pub fn new(name: Name, seed: u64, preset: &str) -> Place {
+    /// `preset` the world's key of this name; what the battery reports follows from it.
+    pub fn new(name: Name, seed: u64, preset: &str, battery: Battery) -> Place {
         let text = match name {
             Name::LivingRoom | Name::TightSpots => TWO_ROOMS,
             Name::Classroom => CLASSROOM,
@@ -109,7 +140,7 @@ impl Place {
         let mut world = World::from_yaml(&text, name.text()).unwrap();
         world.battery = BatterySettings {
             power: world.battery.power,
-            ..two_rooms().battery
+            ..battery.settings()
         };
         let distances = StationDistances::new(&world);
         let (least_x, least_way) = match name {
@@ -131,7 +162,7 @@ impl Place {
         let mut rng = StdRng::seed_from_u64(seed);
         let drive = |_| Start {
             pose: self.world.station.dock_pose(),
-            battery: rng.random_range(LEAST_BATTERY..MAX_BATTERY),
+            battery: low_charge(&mut rng),
             way: 0.0,
             seed: rng.random(),
             drives: Some(Duration::from_secs(rng.random_range(60..180))),
@@ -171,7 +202,7 @@ impl Place {
         };
         Start {
             pose: Pose::at(point, rng.random_range(-PI..PI)),
-            battery: rng.random_range(LEAST_BATTERY..MAX_BATTERY),
+            battery: low_charge(rng),
             way,
             seed: rng.random(),
             drives: None,
@@ -204,6 +235,12 @@ impl Place {
     }
 }
 
+/// The charge of a robot that has become low a while ago, percent.
+fn low_charge(rng: &mut StdRng) -> f64 {
+    let low = f64::from(Limits::default().low.get());
+    rng.random_range(low - BELOW_LOW..low)
+}
+
 /// The length of way that a third of all places exceed.
 fn last_third(distances: &StationDistances) -> f64 {
     let mut lengths: Vec<f64> = distances.places().map(|(_, length)| length).collect();
@@ -219,10 +256,10 @@ pub struct Case {
 
 impl Case {
     /// So many robots, the same for the same seed.
-    pub fn draw(name: Name, preset: &str, count: usize, driven: bool, seed: u64) -> Vec<Case> {
+    pub fn draw(name: Name, robots: &Robots, count: usize, seed: u64) -> Vec<Case> {
         let draw = |count, seed| {
-            let place = Place::new(name, seed, preset);
-            let starts = if driven {
+            let place = Place::new(name, seed, &robots.preset, robots.battery);
+            let starts = if robots.driven {
                 place.drives(count, seed)
             } else {
                 place.starts(count, seed)

@@ -9,7 +9,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
     let mut rig = Rig::online(60);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     assert!(rig.dog.moving());
-    let acts = rig.handle(Fact::Power(power(20)));
+    let acts = rig.handle(Fact::Power(power(30)));
     assert!(!rig.dog.moving());
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
@@ -219,7 +219,7 @@ fn critical_refuses_motion_even_while_charging() {
 fn a_critical_or_low_robot_and_one_held_by_hysteresis_stays_on_its_station_though_it_charges() {
     let mut held = Rig::online(20);
     held.handle(Fact::Engine(EngineReport::Docked));
-    held.handle(Fact::Power(power(30)));
+    held.handle(Fact::Power(power(40)));
     for mut rig in [Rig::docked(charging(8)), Rig::docked(charging(20)), held] {
         let acts = rig.undock(1);
         let expected = (vec![], Some(DockEnd::Safety));
@@ -323,8 +323,8 @@ fn after_an_unconfirmed_undocking_a_robot_that_becomes_low_searches() {
 
 #[test]
 fn a_robot_that_becomes_low_while_undocking_searches_after_the_timeout() {
-    let mut rig = with_unconfirmed_undocking(21);
-    assert_eq!(sent(&rig.handle(Fact::Power(power(20)))), []);
+    let mut rig = with_unconfirmed_undocking(31);
+    assert_eq!(sent(&rig.handle(Fact::Power(power(30)))), []);
     assert_eq!(sent(&rig.pass(19 * SECOND, false)), []);
     assert_eq!(sent(&rig.pass(2 * SECOND, false)), [Command::STOP, FIND]);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);

@@ -161,7 +161,7 @@ proptest! {
 
 fn any_power() -> impl Strategy<Value = Power> {
     // Includes numbers above 100: no level.
-    let percent = prop_oneof![3 => 0..=100u8, 4 => 5..=25u8, 2 => 48..=52u8, 1 => 101..=128u8];
+    let percent = prop_oneof![3 => 0..=100u8, 3 => 5..=37u8, 2 => 48..=52u8, 1 => 101..=128u8];
     (percent, prop::bool::weighted(0.25))
         .prop_map(|(percent, charging)| Power { percent, charging })
 }

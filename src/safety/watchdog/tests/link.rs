@@ -254,9 +254,9 @@ fn on_the_station_there_are_no_last_words_unless_the_robot_backs_out() {
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
     rig.undock(1);
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
-    let mut rig = Rig::docked(power(21));
+    let mut rig = Rig::docked(power(31));
     rig.undock(1);
-    rig.handle(Fact::Power(power(20)));
+    rig.handle(Fact::Power(power(30)));
     assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
 }
 

@@ -117,7 +117,7 @@ fn if_it_does_not_charge_again_the_alarm_sounds_once_and_it_waits_for_the_next_f
 
 #[test]
 fn it_leaves_at_once_when_an_undocking_and_the_wait_for_charging_end_together() {
-    let mut rig = Rig::docked(power(21));
+    let mut rig = Rig::docked(power(31));
     assert_eq!(sent(&rig.undock(1)), [LEAVE]);
     rig.handle(DOCKED);
     // The machine sleeps through both deadlines.
