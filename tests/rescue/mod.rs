@@ -72,7 +72,7 @@ impl Name {
 /// How long a robot drives on one charge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Battery {
-    /// As owners report of a new one.
+    /// As owners report of a new one: the genuine preset's, which the playpen has.
     Hour,
     HalfHour,
 }

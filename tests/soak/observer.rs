@@ -5,6 +5,7 @@ use std::fmt;
 use std::time::Duration;
 
 use spykee::clock::hours;
+use spykee::safety::Limits;
 use spykee::sim::{FULL_SPEED, Pose, State, Tracks, World};
 use spykee::simulation::{EventKind, Simulation};
 use spykee::wire::{Command, Engage};
@@ -16,8 +17,6 @@ use super::{FaultFeed, HOME, Ledger, Loss};
 /// How often it looks, in virtual time.
 pub const LOOK_EVERY: Duration = Duration::from_millis(200);
 
-/// At or below this the watchdog has the robot, in percent.
-const LOW: u8 = 20;
 /// So much later it has acted, when the link is sound: a report, a look, and time to spare.
 const TO_ACT: Duration = Duration::from_secs(2);
 /// A person finds a flat robot after so long and puts it on its station: the run goes on.
@@ -33,6 +32,11 @@ const BLIND_POWER: u8 = 27;
 const GRANT_POWER: u8 = 40;
 /// Setpoints a second; a look's grain of room on top.
 const MAX_MOVES: usize = 50 + 2;
+
+/// Whether the robot reports a level at which the watchdog has it.
+fn is_low(state: &State) -> bool {
+    state.power.percent <= Limits::default().low.get()
+}
 
 /// See the module.
 pub struct Observer {
@@ -118,7 +122,7 @@ impl Observer {
     /// From low to charging, or to flat.
     fn watch_spell(&mut self, look: &Look<'_>) {
         let state = look.state;
-        let low = state.power.percent <= LOW && !state.charging && self.flat_since.is_none();
+        let low = is_low(state) && !state.charging && self.flat_since.is_none();
         if !low {
             self.episode = None;
             return;
@@ -208,7 +212,7 @@ impl Observer {
 
     /// Low and off the station: once there was time to act, the script drives it no more.
     fn watch_battery(&mut self, state: &State, now: Duration, calm: bool) {
-        let low = state.power.percent <= LOW && !state.docked && state.user.is_some() && calm;
+        let low = is_low(state) && !state.docked && state.user.is_some() && calm;
         if !low {
             self.low_since = None;
             return;
