@@ -22,6 +22,8 @@ start: { at: [2.8, 1.5], heading_degrees: 0 }
 battery: { level: 14, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 camera: { fps: 5 }
 ";
+/// The simulated robot ends a search itself after 150 s.
+const LONGEST_SEARCH: Duration = Duration::from_secs(140);
 const WATCHED: Duration = Duration::from_secs(600);
 /// The rescue behaviour waits for so long, and the robot may need this to get to the fence.
 const PRESSED: Duration = Duration::from_secs(6);
@@ -42,12 +44,35 @@ fn a_genuine_robot_that_sways_on_tiles_while_it_presses_gives_the_search_up_too(
     assert_gives_up_pressing(&format!("preset: genuine\n{reads_its_charge}"));
 }
 
-fn assert_gives_up_pressing(world: &str) {
+/// The robot drives onto its contacts again and again, and presses against the station each time.
+#[test]
+fn a_search_in_which_the_robot_is_at_its_station_is_not_given_up() {
+    for (y, heading) in [(0.8, 200), (1.2, 160), (1.6, 190), (2.0, 90), (2.4, 0)] {
+        let world = format!(
+            "preset: genuine
+name: contacts that never close
+room: {{ width: 4, depth: 3, floor: tiles }}
+station: {{ at: [0, 1.5], heading_degrees: 0, docking: {{ success: 0 }} }}
+start: {{ at: [2.6, {y}], heading_degrees: {heading} }}
+battery: {{ power: percent, level: 14, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }}
+camera: {{ fps: 5 }}
+"
+        );
+        let (searches, given_up) = searches(&world, LONGEST_SEARCH);
+        assert!(
+            searches.len() == 1 && given_up.is_empty(),
+            "from {y}: given up after {given_up:?}"
+        );
+    }
+}
+
+/// Plays a world with the rescue behaviour for so long, and returns when searches began and were given up.
+fn searches(world: &str, watched: Duration) -> (Vec<Duration>, Vec<Duration>) {
     let world = World::from_yaml(world, "world").unwrap();
     let options = simulation::Options::default();
     let heard = simulation::run(world, options, async |simulation: &Simulation| {
         let _run = simulation.start(vec![], None);
-        sleep(WATCHED).await;
+        sleep(watched).await;
         simulation.sim().heard()
     });
     let heard = heard.unwrap();
@@ -56,7 +81,11 @@ fn assert_gives_up_pressing(world: &str) {
         let found = heard.iter().filter(move |one| one.command == wanted);
         found.map(|one| one.at).collect::<Vec<_>>()
     };
-    let (searches, given_up) = (times(Engage::Dock), times(Engage::CancelDock));
+    (times(Engage::Dock), times(Engage::CancelDock))
+}
+
+fn assert_gives_up_pressing(world: &str) {
+    let (searches, given_up) = searches(world, WATCHED);
     assert!(given_up.len() >= 2, "{searches:?}, given up: {given_up:?}");
     for at in given_up {
         let number = searches.iter().rposition(|begun| *begun < at).unwrap();
