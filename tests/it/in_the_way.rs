@@ -22,7 +22,7 @@ start: { at: [2.8, 1.5], heading_degrees: 0 }
 battery: { level: 14, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 camera: { fps: 5 }
 ";
-/// The simulated robot ends a search itself after 150 s.
+/// The simulated robot ends a search itself 10 s later.
 const LONGEST_SEARCH: Duration = Duration::from_secs(140);
 const WATCHED: Duration = Duration::from_secs(600);
 /// The rescue behaviour waits for so long, and the robot may need this to get to the fence.
@@ -61,7 +61,7 @@ camera: {{ fps: 5 }}
         let (searches, given_up) = searches(&world, LONGEST_SEARCH);
         assert!(
             searches.len() == 1 && given_up.is_empty(),
-            "from {y}: given up after {given_up:?}"
+            "from {y}: {searches:?}, given up: {given_up:?}"
         );
     }
 }
